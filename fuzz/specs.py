@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Random specs, run by the worker (measurements/reliability/fuzzing.md).
+"""Random specs, run by the worker (measurements/reliability/README.md).
 
 Specs are drawn from the worker's own schema (`hexad-worker schema`), so that new parameters are tried as soon as there are
 any, and lose the members for which they are refused. Files are a few that are written here and, where HEXAD_SHARED names

@@ -18,6 +18,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tools")
 import file_index  # noqa: E402
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "measurements" / "isolation"))
 import isolation_routes  # noqa: E402
+from isolation_routes import results  # noqa: E402
 
 CODE = ("src", "tests", "fuzz", "measurements")
 CLANG_FORMAT = "clang-format-14"
@@ -179,22 +180,22 @@ def indexed_lists(root):
     return faults
 
 
-ROUTES = "src/service/api/routes.c"
+ROUTES, TIMES = "src/service/api/routes.c", "measurements/isolation/serving_thread.csv"
 
 
 def untimed_calls(root):
     """Rows of the table of routes that do not say where their handler runs, and rows whose calls in the serving thread are not
-    those of the table of times in measurements/isolation/isolation.md."""
-    table, page = root / ROUTES, root / "measurements/isolation/isolation.md"
+    those of the table of times in measurements/isolation/serving_thread.csv."""
+    table = root / ROUTES
     if not table.exists():
         return []
     try:
         calls = isolation_routes.serving_calls(table.read_text())
     except ValueError as fault:
         return [str(fault)]
-    text = page.read_text() if page.exists() else ""
-    return [f"measurements/isolation/isolation.md has no times of {name} ({', '.join(found) or '-'}): measurements/isolation/isolation.py --serving-thread prints them"
-            for name, found in calls.items() if f"\n| {name} | {', '.join(found) or '-'} |" not in text]
+    timed = {(row["row"], row["calls"]) for row in results.read(root / TIMES)}
+    return [f"{TIMES} has no times of {name} ({call}): measurements/isolation/isolation.py --serving-thread measures them"
+            for name, call in ((name, ", ".join(found) or "-") for name, found in calls.items()) if (name, call) not in timed]
 
 
 def imported_tests(root):
@@ -306,7 +307,7 @@ FAULTS = [
     (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
     (untimed_calls, ROUTES, '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
-    (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', "measurements/isolation/isolation.md has no times of getTime (-)"),
+    (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', f"{TIMES} has no times of getTime (-)"),
     (unescaped_prints, "src/json/json.c", 'void f(void)\n{\n    fprintf(stderr, "a %d\\n", 1);\n    printf("a "\n           "%-3s", x);\n}\n',
      "src/json/json.c:4: printf with %s"),
     (unescaped_prints, "src/client/wait.c", 'void f(FILE *out)\n{\n    fprintf(out, "%s", x);\n}\n', "src/client/wait.c:3: printf with %s"),

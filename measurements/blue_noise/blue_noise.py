@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures of the pattern blue_noise: distances on several surfaces, and spectra on a square (measurements/blue_noise/blue_noise.md).
+"""Measures of the pattern blue_noise: distances on several surfaces, and spectra on a square (measurements/blue_noise/README.md).
 
-    measurements/blue_noise/blue_noise.py --worker build/hexad-worker --output measurements/blue_noise/blue_noise.md [--data DIRECTORY]
+    measurements/blue_noise/blue_noise.py --worker build/hexad-worker --output measurements/blue_noise/blue_noise.csv [--data DIRECTORY]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. Spectra are mean periodograms of SEEDS point sets on the unit square, beside those of
-Yuksel's sample elimination (2015) from five times as many random points. Ends with 1 when a bound is missed.
+Yuksel's sample elimination (2015) from five times as many random points. FILE_spectra.csv beside the output has them. Ends with 1 when
+a bound is missed.
 """
 import argparse
 import json
@@ -21,6 +22,7 @@ import numpy
 sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[1] / folder) for folder in ("common", "packing")]
 import coarse  # noqa: E402
 import measure  # noqa: E402
+import results  # noqa: E402
 
 LEAST, RELATIVE, LATER, ANISOTROPY = 0.74, 1.05, 1.2, -8
 TOLERANCE = 1e-3
@@ -29,6 +31,8 @@ SPHERE = {"analytic": {"shape": "sphere", "radius": 0.4}}
 TORUS = {"analytic": {"shape": "torus", "major_radius": 0.3, "minor_radius": 0.2}}
 GRADED = {"curvature": {"ratio": 2.5, "exponent": 1}}
 COUNTS = (1000, 10000, 100000)
+DISTANCES = ["row", "surface", "points", "pattern", "least_distance", "coverage_ratio", "hex_fraction", "sweeps", "outcome", "cpu_s"]
+SPECTRA = ["sampler", "first_peak", "largest_later_maximum", "low_power", "anisotropy_db"]
 
 
 def write_square(path):
@@ -84,8 +88,8 @@ def distance_row(name, count, pattern, report, took):
     q = report["quality"]
     relative = q["coverage"] / q["min_spacing_ratio"]
     good = q["min_spacing_ratio"] >= (1 - TOLERANCE) * LEAST and relative <= (1 + TOLERANCE) * RELATIVE
-    row = (f"| {name} | {count} | {pattern} | {q['min_spacing_ratio']:.3f} | {relative:.3f} | {q['hex_fraction']:.3f} "
-           f"| {len(report['sweeps'])} | {report['outcome']} | {took:.2f} |")
+    row = [f"{name} {count} {pattern}", name, count, pattern, f"{q['min_spacing_ratio']:.3f}", f"{relative:.3f}", f"{q['hex_fraction']:.3f}",
+           len(report["sweeps"]), report["outcome"], f"{took:.2f}"]
     return row, good or pattern == "hexagonal"
 
 
@@ -113,7 +117,7 @@ def square_rows(worker, where):
     rows = []
     for name, sets in (("blue_noise", ours), ("sample elimination", others)):
         first, later, low, anisotropy = rate(sets)
-        rows.append((later, low, anisotropy, f"| {name} | {first:.2f} | {later:.3f} | {low:.3f} | {anisotropy:.1f} |"))
+        rows.append((later, low, anisotropy, [name, f"{first:.2f}", f"{later:.3f}", f"{low:.3f}", f"{anisotropy:.1f}"]))
     mine, reference = rows
     bad += mine[0] > LATER or mine[1] > reference[1] or mine[2] > ANISOTROPY
     return [row[3] for row in rows], bad
@@ -122,7 +126,7 @@ def square_rows(worker, where):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worker", required=True)
-    parser.add_argument("--output", required=True)
+    parser.add_argument("--output", required=True, type=pathlib.Path)
     parser.add_argument("--data", default=os.environ.get("HEXAD_SHARED"))
     options = parser.parse_args()
     worker, data = os.path.abspath(options.worker), options.data and pathlib.Path(options.data)
@@ -130,21 +134,14 @@ def main():
         spectra, bad = square_rows(worker, where)
         distances = []
         for row, good in distance_rows(worker, data, where):
-            print(row, file=sys.stderr)
+            print(", ".join(f"{key} {value}" for key, value in zip(DISTANCES[1:], row[1:])), flush=True)
             distances.append(row)
             bad += not good
-    lines = ["# Blue noise", "",
-             f"Made by `measurements/blue_noise/blue_noise.py`. Bounds: least distance {LEAST} spacings, coverage {RELATIVE} times that distance, later maxima "
-             f"{LATER}, anisotropy {ANISOTROPY} dB, low power that of sample elimination (Yuksel 2015). Missed bounds: {bad}.", "",
-             "## Distances", "",
-             "The jobs have one thread. CPU time is that of the whole job.", "",
-             "| surface | points | pattern | least distance | coverage / least distance | hex_fraction | sweeps | outcome | CPU s |",
-             "|---|---:|---|---:|---:|---:|---:|---|---:|", *distances, "",
-             "## Spectra", "",
-             f"Mean periodograms of {SEEDS} sets of {SQUARE_COUNT} points on the unit square, without frequencies of the coordinate axes, "
-             "which its sides disturb. Low power is below half of the principal frequency.", "",
-             "| points of | first peak | largest later maximum | low power | anisotropy, dB |", "|---|---:|---:|---:|---:|", *spectra]
-    pathlib.Path(options.output).write_text("\n".join(lines) + "\n")
+    for row in spectra:
+        print(", ".join(f"{key} {value}" for key, value in zip(SPECTRA, row)))
+    print(f"missed bounds: {bad}")
+    results.write(options.output, DISTANCES, distances)
+    results.write(options.output.with_name(f"{options.output.stem}_spectra.csv"), SPECTRA, spectra)
     return 1 if bad else 0
 
 

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blue noise and the progressive order beside sample elimination (Yuksel 2015), on the six surfaces of measurements/blue_noise/order.py.
 
-    measurements/blue_noise/elimination.py --worker build/hexad-worker --elimination PROGRAM [--open3d] --data DIRECTORY --output PAGE
+    measurements/blue_noise/elimination.py --worker build/hexad-worker --elimination PROGRAM [--open3d] --data DIRECTORY
+                                           --output measurements/blue_noise/elimination.csv
 
 PROGRAM is measurements/speed/peers/sample_elimination.cc, compiled with cyCodeBase. DIRECTORY has the folder meshes. --open3d also runs
 sample_points_poisson_disk of Open3D. Candidates are five random points for each point, on the triangles of the mesh that a job with
 output.mesh writes. CPU times of hexad are those of whole jobs on one thread; those of the others are of the elimination alone.
+FILE_order.csv beside the output has the progressive order.
 """
 import argparse
 import json
@@ -23,9 +25,14 @@ from scipy.spatial import cKDTree
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import measure  # noqa: E402
 import order  # noqa: E402
+import results  # noqa: E402
 
 CANDIDATES, PLACES, PLACES_OF_PREFIXES = 5, 20, 4
 COUNTS = (1000, 10000, 100000)
+HEADER = ["row", "surface", "points", "least_distance_hexad", "coverage_ratio_hexad", "least_distance_elimination",
+          "coverage_ratio_elimination", "cpu_s_hexad", "cpu_s_cycodebase", "cpu_s_open3d", "cpu_ratio"]
+ORDER = ["row", "surface", "points", *(f"{name}_{of}" for of in ("hexad", "elimination") for name in (
+    "coverage_largest", "coverage_mean", "least_distance_smallest", "least_distance_mean")), "cpu_s_hexad", "cpu_s_cycodebase"]
 
 
 def job(worker, data, surface, count, where, sampling, output):
@@ -127,18 +134,14 @@ def rows(options, name, count):
         ours, others = order.Points(noise / "points.ply", several), kept("none")
         ours.h[:] = h
         figures = [*(f"{v:.3f}" for v in (*distances(ours, places), *distances(others[0], places))), f"{noise_s:.2f}", f"{others[1]:.2f}"]
-        if options.open3d:
-            figures.append(f"{open3d_seconds(mesh, count):.2f}")
+        figures.append(f"{open3d_seconds(mesh, count):.2f}" if options.open3d else None)
         few = PLACES_OF_PREFIXES * count
-        first = [name, str(count), *figures, f"{noise_s / others[1]:.1f}"]
+        first = [f"{name} {count}", name, count, *figures, f"{noise_s / others[1]:.1f}"]
         ours, others = order.Points(ordered / "points.ply", several), kept("progressive")
         ours.h[:] = h
-        second = [name, str(count), *prefixes(ours, places[:few]), *prefixes(others[0], places[:few]), f"{ordered_s:.2f}", f"{others[1]:.2f}"]
-    return ["| " + " | ".join(row) + " |" for row in (first, second)]
-
-
-def table(head, lines):
-    return ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1), *lines]
+        second = [f"{name} {count}", name, count, *prefixes(ours, places[:few]), *prefixes(others[0], places[:few]), f"{ordered_s:.2f}",
+                  f"{others[1]:.2f}"]
+    return first, second
 
 
 def main():
@@ -154,19 +157,11 @@ def main():
     for name in order.SURFACES:
         for count in map(int, options.counts.split(",")):
             found.append(rows(options, name, count))
-            print(*found[-1], sep="\n", flush=True)
-    other = ["CPU s, Open3D"] if options.open3d else []
-    lines = ["# Sample elimination", "",
-             "Written by `measurements/blue_noise/elimination.py`. It compares hexad with sample elimination (Yuksel 2015) as cyCodeBase has it, which chooses from five "
-             "random candidates for each point. The spacing is even. Distances are between points that are not on opposite walls. CPU times of hexad "
-             "are those of whole jobs on one thread, with reading and measures. The others are those of the elimination alone, without its candidates.", "",
-             "## Blue noise", "", "Least distances are over the spacing h of a hexagonal packing; coverage is over the least distance.", "",
-             *table(["surface", "N", "least distance, hexad", "coverage, hexad", "least distance, elimination", "coverage, elimination",
-                     "CPU s, hexad", "CPU s, cyCodeBase", *other, "ratio to cyCodeBase"], [row[0] for row in found]), "",
-             "## Progressive order", "", "Prefixes of 32 to N / 2 points, in units of h_n = h sqrt(N / n), as in [order.md](order.md).", "",
-             *table(["surface", "N", "coverage, largest", "mean", "least distance, smallest", "mean", "elimination: coverage, largest", "mean",
-                     "least distance, smallest", "mean", "CPU s, hexad", "CPU s, cyCodeBase"], [row[1] for row in found])]
-    options.output.write_text("\n".join(lines) + "\n")
+            for header, row in zip((HEADER, ORDER), found[-1]):
+                print(", ".join(f"{key} {value}" for key, value in zip(header[1:], row[1:])), flush=True)
+    first, second = zip(*found)
+    results.write(options.output, HEADER, first)
+    results.write(options.output.with_name(f"{options.output.stem}_order.csv"), ORDER, second)
     return 0
 
 

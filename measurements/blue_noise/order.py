@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Samples six surfaces with output.order "progressive", measures prefixes of the points beside farthest-point orders of
-the same points, and writes a table (measurements/blue_noise/order.md).
+the same points (measurements/blue_noise/README.md).
 
-    HEXAD_SHARED=... measurements/blue_noise/order.py --worker build/hexad-worker --output measurements/blue_noise/order.md
+    HEXAD_SHARED=... measurements/blue_noise/order.py --worker build/hexad-worker --output measurements/blue_noise/order.csv
 
 Of N points with spacing h, the first n have coverage and least distance in units of h_n = h sqrt(N / n), at 24 values
 of n from 32 to N / 2. Coverage: the largest distance of a place of the surface from its nearest point of the prefix, over
@@ -31,7 +31,13 @@ import tempfile
 import numpy
 from scipy.spatial import cKDTree
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
+
 COVERAGE, LEAST, WORSE, COST = 1.15, 0.45, 1.05, 1.4
+HEADER = ["row", "surface", "points", "coverage_largest", "coverage_mean", "coverage_mean_in_space", "coverage_mean_within_walls",
+          "least_distance_smallest", "least_distance_mean", "least_distance_mean_in_space", "least_distance_mean_within_walls",
+          "cpu_s_without_order", "cpu_s_with_order"]
 OPPOSITE = -0.4
 FIRST, PREFIXES = 32, 24
 SURFACES = {
@@ -144,10 +150,14 @@ def examine(worker, shared, name, count, where):
     return plain_s, order_s, own, space, walls
 
 
-def text(name, count, plain_s, order_s, own, space, walls):
+def result(name, count, plain_s, order_s, own, space, walls):
     coverage, least = ([f"{v:.2f}" for v in (*extreme, *(numpy.nanmean(m[k]) for m in (own, space, walls)))]
                        for k, extreme in enumerate(([own[0].max()], [numpy.nanmin(own[1])])))
-    return f"| {name} | {count} | " + " | ".join(coverage + least) + f" | {plain_s:.1f} | {order_s:.1f} |"
+    return [f"{name} {count}", name, count, *coverage, *least, f"{plain_s:.1f}", f"{order_s:.1f}"]
+
+
+def show(row):
+    print(", ".join(f"{key} {value}" for key, value in zip(HEADER[1:], row[1:]) if value is not None), flush=True)
 
 
 def is_worse(own, space, walls):
@@ -173,8 +183,8 @@ def main():
         for count in map(int, given.counts.split(",")):
             with tempfile.TemporaryDirectory() as where:
                 plain_s, order_s, own, space, walls = examine(given.worker, shared, name, count, where)
-            lines.append(text(name, count, plain_s, order_s, own, space, walls))
-            print(lines[-1], flush=True)
+            lines.append(result(name, count, plain_s, order_s, own, space, walls))
+            show(lines[-1])
             if own[0].max() > COVERAGE or numpy.nanmin(own[1]) < LEAST:
                 faults.append(f"{name}, {count}: coverage {own[0].max():.3f}, "
                               f"least distance {numpy.nanmin(own[1]):.3f}")
@@ -184,35 +194,14 @@ def main():
         with tempfile.TemporaryDirectory() as where:
             cost = [run(given.worker, None, *SURFACES["sphere"], given.cost, order, f"{where}/{order}")
                     for order in (None, "progressive")]
-        lines.append(f"| sphere | {given.cost} |" + " |" * 8 + f" {cost[0]:.1f} | {cost[1]:.1f} |")
-        print(lines[-1], flush=True)
+        lines.append([f"sphere {given.cost}", "sphere", given.cost, *[None] * 8, f"{cost[0]:.1f}", f"{cost[1]:.1f}"])
+        show(lines[-1])
         if cost[1] > COST * cost[0]:
             faults.append(f"{given.cost} points: {cost[1] / cost[0]:.2f} times the CPU time")
     if given.output:
-        given.output.write_text(PAGE + "\n".join(lines) + "\n" + NOTES)
+        results.write(given.output, HEADER, lines)
     print(*faults, sep="\n", file=sys.stderr)
     return 1 if faults else 0
-
-
-PAGE = """# Progressive order
-
-`measurements/blue_noise/order.py` samples six surfaces with `output.order` `"progressive"`. Prefixes of n points, 32 <= n <= N / 2, are measured in units
-of h_n = h sqrt(N / n): the coverage (largest, and mean over the prefixes) and the least distance (smallest, and mean) beside two
-farthest-point orders of the same points that begin with the same point. One measures distances in space alone; the other counts only
-points of one piece that are not of opposite walls. CPU times are of the whole job on one thread, without previews, without and with the
-order.
-
-| surface | N | coverage, largest | mean | mean, in space | mean, within walls | least distance, smallest | mean | mean, in space | mean, within walls | CPU s without | with |
-|---|---|---|---|---|---|---|---|---|---|---|---|
-"""
-NOTES = """
-- The bounds of [formats.md](../formats.md#order-of-the-points) are a coverage of at most 1.15, a least distance of at least 0.45 and, at a
-  million points, 1.4 times the CPU time. The program fails if one is missed, or if a mean is more than 5 % worse than that of both
-  farthest-point orders.
-- On a surface without thin parts the three orders are the same. On thin parts the order in space covers the surface with fewer points, since
-  a point serves both walls, and has points of one wall close together. The order within walls is the opposite. hexad's order is between
-  them.
-"""
 
 
 if __name__ == "__main__":

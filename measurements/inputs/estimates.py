@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Compares the memory and the CPU time that the worker estimates for a job with what the job takes
-(measurements/inputs/estimates.md).
+(estimated_memory.csv, estimated_time.csv and, for each count, estimated_order.csv in measurements/inputs).
 
-    measurements/inputs/estimates.py --worker build/hexad-worker --output measurements/inputs/estimates.md [--data DIRECTORY]
+    measurements/inputs/estimates.py --worker build/hexad-worker --output FOLDER [--data DIRECTORY]
                        [--only WORD ...] [--counts 1000 30000] [--time-counts 10000]
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb and volumes. Both runs are of the same spec, each a process
@@ -17,9 +17,13 @@ import json
 import os
 import pathlib
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
 
 # Of all surfaces, and of one of each kind besides.
 COUNTS, LARGE = (1000, 30000), 1000000
@@ -59,45 +63,51 @@ def call(worker, command, spec, where):
     return json.loads((where / command / file).read_text()), None, seconds
 
 
+MEMORY = ("job", "surface", "points", "estimate_mib", "peak_mib", "ratio", "missed", "error")
+TIME = ("job", "mesh", "points", "estimate_s", "job_cpu_s", "ratio", "estimate_cpu_s", "error")
+ORDER = ("points", "estimates", "within_a_factor_of_2", "pairs_a_factor_apart", "pairs_ordered",
+         "ratio_least", "ratio_median", "ratio_largest")
+
+
 def row(worker, name, surface, count, where):
-    """(cells of the table, whether the estimate is near)."""
+    """A row of MEMORY."""
     spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False}}
-    told, failed, _ = call(worker, "estimate", spec, where)
-    found, failed, _ = call(worker, "run", spec, where) if told else (None, failed, None)
+    estimate, failed, _ = call(worker, "estimate", spec, where)
+    found, failed, _ = call(worker, "run", spec, where) if estimate else (None, failed, None)
     if failed:
-        return [name, f"{count}", "", "", failed], False
-    ratio = told["memory_bytes"] / found["peak_memory_bytes"]
-    return [name, f"{count}", f"{told['memory_bytes'] / 2 ** 20:.0f}", f"{found['peak_memory_bytes'] / 2 ** 20:.0f}",
-            f"{ratio:.2f}"], LEAST <= ratio <= MOST
+        return [f"{name} {count}", name, count, "", "", "", "error", failed]
+    ratio = estimate["memory_bytes"] / found["peak_memory_bytes"]
+    missed = "below" if ratio < LEAST else "above" if ratio > MOST else ""
+    return [f"{name} {count}", name, count, f"{estimate['memory_bytes'] / 2 ** 20:.0f}", f"{found['peak_memory_bytes'] / 2 ** 20:.0f}",
+            f"{ratio:.2f}", missed, ""]
 
 
 def times(worker, meshes, counts):
-    """Rows of the table of CPU times; for each count the pairs (estimate, CPU seconds)."""
-    lines, pairs = [], {count: [] for count in counts}
+    """Rows of TIME; for each count the pairs (estimate, CPU seconds)."""
+    rows, pairs = [], {count: [] for count in counts}
     for mesh, count in itertools.product(meshes, counts):
         spec = {"version": 1, "surface": {"mesh": {"path": str(mesh)}}, "sampling": {"count": count},
                 "solver": {"seed": 1, "threads": 1}, "output": {"preview": False}}
         with tempfile.TemporaryDirectory() as where:
-            told, failed, cost = call(worker, "estimate", spec, pathlib.Path(where))
-            _, failed, used = call(worker, "run", spec, pathlib.Path(where)) if told else (None, failed, 0)
-        if failed:
-            lines.append(f"| {mesh.name} | {count} | {failed} ||||")
-        else:
-            pairs[count].append((told["seconds"], used))
-            lines.append(f"| {mesh.name} | {count} | {told['seconds']:.2f} | {used:.2f} | "
-                         f"{told['seconds'] / used:.2f} | {cost:.2f} |")
-        print(lines[-1], flush=True)
-    return lines, pairs
+            estimate, failed, cost = call(worker, "estimate", spec, pathlib.Path(where))
+            _, failed, used = call(worker, "run", spec, pathlib.Path(where)) if estimate else (None, failed, 0)
+        cells = ["", "", "", "", failed]
+        if not failed:
+            pairs[count].append((estimate["seconds"], used))
+            cells = [f"{estimate['seconds']:.2f}", f"{used:.2f}", f"{estimate['seconds'] / used:.2f}", f"{cost:.2f}", ""]
+        rows.append([f"{mesh.name} {count}", mesh.name, count, *cells])
+        print(*rows[-1], sep=", ", flush=True)
+    return rows, pairs
 
 
-def summary(count, pairs):
-    """(a line on the estimates of one count, whether enough of them are near)."""
-    near = sum(1 / TIME_FACTOR <= told / used <= TIME_FACTOR for told, used in pairs)
+def order(count, pairs):
+    """A row of ORDER, and whether enough of the estimates are near."""
+    near = sum(1 / TIME_FACTOR <= estimate / used <= TIME_FACTOR for estimate, used in pairs)
     apart = [(a, b) for a, b in itertools.combinations(pairs, 2) if not 1 / TIME_FACTOR < a[1] / b[1] < TIME_FACTOR]
     ordered = sum((a[0] < b[0]) == (a[1] < b[1]) for a, b in apart)
-    return (f"{count} points: {near} of {len(pairs)} estimates are within a factor of {TIME_FACTOR}. {len(apart)} "
-            f"pairs of jobs have CPU times that differ by that factor or more; the estimates order {ordered} of them correctly.",
-            near >= TIME_SHARE * len(pairs))
+    ratios = [estimate / used for estimate, used in pairs]
+    cells = [count, len(pairs), near, len(apart), ordered, *(f"{f(ratios):.2f}" for f in (min, statistics.median, max))]
+    return cells, near >= TIME_SHARE * len(pairs)
 
 
 def main():
@@ -111,30 +121,24 @@ def main():
     words = parser.parse_args()
     if not words.data:
         parser.error("give --data or set HEXAD_SHARED")
-    lines, sound = [], True
+    rows = []
     for name, surface in surfaces(pathlib.Path(words.data)).items():
         if not any(word in name for word in words.only):
             continue
         for count in (*words.counts, *([LARGE] if name in OF_LARGE else [])):
             with tempfile.TemporaryDirectory() as where:
-                cells, near = row(words.worker, name, surface, count, pathlib.Path(where))
-            sound = sound and near
-            lines.append("| " + " | ".join(cells) + " |")
-            print(lines[-1], flush=True)
+                rows.append(row(words.worker, name, surface, count, pathlib.Path(where)))
+            print(*rows[-1], sep=", ", flush=True)
     meshes = sorted(p for p in (pathlib.Path(words.data) / "meshes").iterdir()
                     if p.suffix.lower() in MESHES and any(word in f"meshes/{p.name}" for word in words.only))
     timed, pairs = times(words.worker, meshes, words.time_counts)
-    found = [summary(count, pairs[count]) for count in words.time_counts if pairs[count]]
-    sound = sound and all(near for _, near in found)
-    words.output.write_text("# Estimates of memory and CPU time\n\n"
-                            "`measurements/inputs/estimates.py`. Memory is in MiB, of the worker and its reader.\n\n"
-                            "| surface | points | estimate | peak | ratio |\n|---|---|---|---|---|\n" +
-                            "\n".join(lines) + "\n\n"
-                            "## CPU time of meshes\n\nSeconds, one thread, seed 1. `cost` is the CPU time of the estimate "
-                            "itself.\n\n" + "\n\n".join(line for line, _ in found) + "\n\n"
-                            "| mesh | points | estimate | job | ratio | cost |\n|---|---|---|---|---|---|\n" +
-                            "\n".join(timed) + "\n")
-    return 0 if sound else 1
+    found = [order(count, pairs[count]) for count in words.time_counts if pairs[count]]
+    words.output.mkdir(parents=True, exist_ok=True)
+    for name, header, table in (("memory", MEMORY, rows), ("time", TIME, timed), ("order", ORDER, [cells for cells, _ in found])):
+        results.write(words.output / f"estimated_{name}.csv", header, table)
+    missed = [cells for cells in rows if cells[6]]
+    print(f"memory: {len(missed)} of {len(rows)} estimates miss the bounds", *missed, *(cells for cells, _ in found), sep="\n")
+    return 1 if missed or not all(near for _, near in found) else 0
 
 
 if __name__ == "__main__":

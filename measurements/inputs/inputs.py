@@ -1,17 +1,20 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Gives every file of a collection to the worker, and writes what became of each as a table (measurements/inputs/inputs.md).
+"""Gives every file of a collection to the worker, and writes what became of each (measurements/inputs/files.csv).
 
-    measurements/inputs/inputs.py --worker build/hexad-worker --output measurements/inputs/inputs.md [--data DIRECTORY] [--only WORD ...]
-                    [--counts 5000 50000] [--resume] [--seconds N]
+    measurements/inputs/inputs.py --worker build/hexad-worker --output measurements/inputs/files.csv [--data DIRECTORY] [--only WORD ...]
+                    [--summary FILE.csv] [--agreement FILE.csv] [--counts 5000 50000] [--resume] [--seconds N]
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr, cases and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is
 a choice of grids, parts, channels or volumes, each grid and the first of the others are taken; where it says between what values
 the volume lies, the middle is the isovalue. An image is made a stack of six copies. Malformed files are given the first count
-alone. With --resume rows that the output has of the same worker are kept, and with --seconds no file is begun after that
-long, so that a table can be made in pieces: the exit is 3 until it is whole. Points of meshes are measured on their triangles (measurements/common/mesh_measures.py). Ends with 1 when a result is not sound (below), or an
-error is no error of the file's.
+alone. Points of meshes are measured on their triangles (measurements/common/mesh_measures.py). The summary has the numbers of
+results and errors of each folder; the agreement has the differences between the report's measures and those computed here.
+
+With --resume, rows that the output has of the same worker are kept. With --seconds, no file is begun after that time, so that the
+results can be made in pieces: the exit status is 3 until they are complete. Ends with 1 when a result is not sound, or an error is
+no error of the file's.
 
 Sound is a result without a lost point, with all points on the surface, and whose outcome is true: a converged result of a mesh meets
 the bounds of the outcome (doc/report.md) also by the measures that are computed here. `coverage` here is up to 0.12 spacings
@@ -33,6 +36,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import measure  # noqa: E402
 import mesh_measures  # noqa: E402
 import meshes  # noqa: E402
+import results  # noqa: E402
 
 COUNTS, SLICES = (5000, 50000), 6
 # Runs what follows as a child of a small process: the kernel hands the peak of a process's memory on to what it starts.
@@ -151,57 +155,50 @@ def faults(error, report, measured):
     return found
 
 
-def told(case, data, error, report):
-    """The result in words without the machine's paths."""
+def message(case, data, error, report):
+    """The reasons and warnings of a result, or the error's message, without the machine's paths."""
     if report:
         return "; ".join([reason["criterion"] for reason in report["outcome_reasons"]] + report["surface"]["warnings"])
-    text = error["message"].replace(str(case.work) + "/", "").replace(str(data) + "/", "")
-    return f"`{error['code']}`: {text}"
+    return error["message"].replace(str(case.work) + "/", "").replace(str(data) + "/", "")
 
 
-def figure(value, form):
-    return "-" if value is None else format(value, form)
+# Measures of the report and, of meshes, those that are computed here (columns measured_*).
+MEASURES = ("hex_fraction", "edge_cv", "area_cv", "min_spacing_ratio", "close_share", "coverage", "missing_share", "max_residual")
+HEADER = ("job", "folder", "file", "surface", "points", "outcome", "code", "unsound", *MEASURES, *(f"measured_{name}" for name in MEASURES),
+          "cpu_s", "memory_mib", "message", "worker")
 
 
-# Measures that are shown, the report's and, of meshes, those computed here after a stroke.
-SHOWN = (("hex_fraction", ".2f"), ("edge_cv", ".3f"), ("area_cv", ".3f"), ("min_spacing_ratio", ".2f"), ("close_share", ".2%"),
-         ("coverage", ".2f"), ("missing_share", ".2%"), ("max_residual", ".1e"))
+def figure(value):
+    return "" if value is None else f"{value:.4g}"
 
 
-def figures(case, report, measured):
-    """The cells between the count and the words."""
-    if not report:
-        return ["error"] + [""] * (len(SHOWN) + 2)
-    q = report["quality"]
-    return [report["outcome"].replace("_", " "),
-            *(figure(q[name], form) + (f" / {getattr(measured, name):{form}}" if measured else "") for name, form in SHOWN),
-            f"{case.processor_s:.1f}", f"{report['peak_memory_bytes'] / 2 ** 20:.0f}"]
-
-
-def cell(text):
-    """As one cell of a table: damaged files have any bytes for names."""
-    clean = "".join(c if c.isprintable() else "?" for c in text)
-    return clean.replace("|", "\\|").replace("<", "&lt;")
+def printable(text):
+    """Damaged files have any bytes for names."""
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def files(data, folder):
     return [p for p in sorted((data / folder).rglob("*")) if p.is_file() and not BESIDE.search(str(p))]
 
 
-HEAD = ("file", "surface", "points", "outcome", *(name for name, _ in SHOWN), "CPU s", "MiB", "what is said")
-
-
-def row(case, data, name, chosen, count, error, report):
-    """The cells of a result."""
+def row(case, data, folder, name, chosen, count, error, report, mark):
+    """A row of HEADER."""
     measured = case.measured() if report else None
-    wrong = faults(error, report, measured)
-    members = " ".join(f"{k} {v:.6g}" if isinstance(v, float) else f'{k} "{v}"' for k, v in chosen.items() if v != FAR)
-    words = f"**{', '.join(wrong)}** " if wrong else ""
-    return [name, f"{case.kind} {members}".strip(), f"{count}", *figures(case, report, measured),
-            words + told(case, data, error, report)]
+    members = " ".join(f"{k} {v:.6g}" if isinstance(v, float) else f"{k} {v}" for k, v in chosen.items() if v != FAR)
+    surface = f"{case.kind} {members}".strip()
+    cells = {"job": f"{folder}/{name} {surface.partition(' ')[2]} {count}".replace("  ", " "), "folder": folder, "file": name,
+             "surface": surface, "points": str(count), "outcome": report["outcome"].replace("_", " ") if report else "error",
+             "code": error["code"] if error else "", "unsound": ", ".join(faults(error, report, measured)),
+             "message": message(case, data, error, report), "worker": mark}
+    if report:
+        cells |= {name: figure(report["quality"][name]) for name in MEASURES}
+        cells |= {"cpu_s": f"{case.processor_s:.1f}", "memory_mib": f"{report['peak_memory_bytes'] / 2 ** 20:.0f}"}
+    if measured:
+        cells |= {f"measured_{name}": figure(getattr(measured, name)) for name in MEASURES}
+    return [printable(cells.get(name, "")) for name in HEADER]
 
 
-def results(case, counts):
+def runs(case, counts):
     """(members, count, error, report): of the first count in every way that errors leave open, of the others in the ways that
     gave points."""
     ways = []
@@ -214,50 +211,60 @@ def results(case, counts):
 
 
 def mark_of(worker):
-    """What tells a worker, with the modules beside it, from others."""
+    """A digest of a worker and of the modules beside it."""
     whole = hashlib.sha256()
     for path in [pathlib.Path(worker), *sorted(pathlib.Path(worker).parent.glob("hexad-*.so"))]:
         whole.update(path.read_bytes())
-    return f"Worker {whole.hexdigest()[:16]}."
+    return whole.hexdigest()[:16]
 
 
-def rows_of(page, mark):
-    """{(folder, name): lines} of a page that the worker of this mark has made; nothing of others."""
-    found, folder = {}, None
-    text = page.read_text() if page.exists() else ""
-    for line in text.splitlines() if mark in text else []:
-        if line.startswith("## "):
-            folder = line[3:]
-        elif line.startswith("| ") and not line.startswith("| file"):
-            found.setdefault((folder, line[2:line.index(" | ")]), []).append(line)
+def rows_of(output, mark):
+    """{(folder, name): rows} of a file; only the rows that the worker of this mark has made."""
+    found = {}
+    for cells in results.read(output):
+        if cells["worker"] == mark:
+            found.setdefault((cells["folder"], cells["file"]), []).append([cells[name] for name in HEADER])
     return found
 
 
-def make_rows(case, data, folder, counts, say):
-    lines, name = [], str(case.path.relative_to(data / folder))
-    for chosen, count, error, report in results(case, counts):
-        cells = row(case, data, name, chosen, count, error, report)
-        lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
-        say(lines[-1])
-    return lines
+def make_rows(case, data, folder, counts, mark, say):
+    rows, name = [], str(case.path.relative_to(data / folder))
+    for chosen, count, error, report in runs(case, counts):
+        rows.append(row(case, data, folder, name, chosen, count, error, report, mark))
+        say(", ".join(rows[-1]))
+    return rows
 
 
-def write(output, mark, rows, places):
-    """The page of the rows, in the order of `places`."""
-    lines = [line for place in places for line in rows.get(place, [])]
-    bad = sum("| **" in line for line in lines)
-    errors = sum("| error |" in line for line in lines)
-    text = ["# Every file of the collection", "",
-            "`make inputs` writes this page: the outcome of each file (`measurements/inputs/inputs.py` states how a surface is chosen). "
-            f"{len(lines) - errors} results, {errors} errors, {bad} of them not sound. {mark}", "",
-            "Measures are the report's ([definitions](../report.md#quality)); figures after a stroke are computed by "
-            "`measurements/common/mesh_measures.py` from the mesh and the points. "
-            "One thread; CPU time is that of the worker with its reader."]
-    for folder in FOLDERS:
-        text += ["", f"## {folder}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
-        text += [line for place in places if place[0] == folder for line in rows.get(place, [])]
-    output.write_text("\n".join(text) + "\n")
-    return bad
+SUMMARY = ("folder", "files", "results", "converged", "unresolved", "not_converged", "unsound", "errors", "input_damaged",
+           "input_unsupported", "no_surface", "other_errors", "cpu_s")
+
+
+def summary(table):
+    """Rows of SUMMARY: numbers of files, of results and of errors, for each folder and for all."""
+    rows = []
+    for folder in (*FOLDERS, "all"):
+        cells = [dict(zip(HEADER, row)) for row in table if folder in (row[1], "all")]
+        codes = [c["code"] for c in cells if c["outcome"] == "error"]
+        outcomes = [c["outcome"] for c in cells if c["outcome"] != "error"]
+        named = [codes.count(name) for name in SUMMARY[8:11]]
+        rows.append([folder, len({(c["folder"], c["file"]) for c in cells}), len(outcomes),
+                     *(outcomes.count(name.replace("_", " ")) for name in SUMMARY[3:6]), sum(c["unsound"] != "" for c in cells),
+                     len(codes), *named, len(codes) - sum(named), f"{sum(float(c['cpu_s'] or 0) for c in cells):.0f}"])
+    return rows
+
+
+AGREEMENT = ("measure", "meshes", "difference_median", "difference_largest", "job")
+
+
+def agreement(table):
+    """Rows of AGREEMENT: differences between the report's measures and those computed here, and the job of the largest."""
+    rows, jobs = [], [dict(zip(HEADER, row)) for row in table]
+    for name in MEASURES:
+        differences = sorted((abs(float(job[name]) - float(job[f"measured_{name}"])), job["job"]) for job in jobs
+                             if job[name] and job[f"measured_{name}"])
+        if differences:
+            rows.append([name, len(differences), *(f"{differences[k][0]:.4g}" for k in (len(differences) // 2, -1)), differences[-1][1]])
+    return rows
 
 
 def parser_of(description):
@@ -279,6 +286,8 @@ def arguments(parser):
 
 def main():
     parser = parser_of(__doc__.splitlines()[0])
+    parser.add_argument("--summary")
+    parser.add_argument("--agreement")
     parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--seconds", type=float, default=float("inf"))
@@ -286,8 +295,8 @@ def main():
     data, worker, output = pathlib.Path(options.data), os.path.abspath(options.worker), pathlib.Path(options.output)
     mark, end = mark_of(worker), time.monotonic() + options.seconds
     rows = rows_of(output, mark) if options.resume else {}
-    found = {(folder, cell(str(path.relative_to(data / folder)))): path for folder in FOLDERS for path in files(data, folder)}
-    bad = 0
+    found = {(folder, printable(str(path.relative_to(data / folder)))): path for folder in FOLDERS for path in files(data, folder)}
+    table = [row for place in found for row in rows.get(place, [])]
     for (folder, name), path in found.items():
         wanted = not options.only or any(word in f"{folder}/{name}" for word in options.only)
         if not wanted or (folder, name) in rows:
@@ -297,9 +306,15 @@ def main():
         with tempfile.TemporaryDirectory() as where:
             case = Case(path, kind_of(path, folder), pathlib.Path(where), worker)
             counts = options.counts[:1] if folder == "malformed" else options.counts
-            rows[folder, name] = make_rows(case, data, folder, counts, lambda text: print(text, file=sys.stderr))
-        bad = write(output, mark, rows, found)
-    return 1 if bad else 0
+            rows[folder, name] = make_rows(case, data, folder, counts, mark, lambda text: print(text, file=sys.stderr))
+        table = [row for place in found for row in rows.get(place, [])]
+        results.write(output, HEADER, table)
+    for path, header, rows in ((options.summary, SUMMARY, summary(table)), (options.agreement, AGREEMENT, agreement(table))):
+        for cells in (header, *rows):
+            print(*cells, sep=", ")
+        if path:
+            results.write(path, header, rows)
+    return 1 if any(row[HEADER.index("unsound")] for row in table) else 0
 
 
 if __name__ == "__main__":

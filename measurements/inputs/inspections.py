@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Inspects every file of a collection, and runs one of the specs that are suggested, as it is: a table of what came of each.
+"""Inspects every file of a collection, runs one of the suggested specs unchanged, and writes what came of each.
 
-    measurements/inputs/inspections.py --worker build/hexad-worker [--data DIRECTORY] [--only WORD ...]
+    measurements/inputs/inspections.py --worker build/hexad-worker [--output FILE.csv] [--data DIRECTORY] [--only WORD ...]
 
 Ends with 1 when a file is neither described nor its damage named, or when a suggested spec gives no points.
 """
@@ -14,7 +14,11 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
+
 PATIENCE_S = 600
+HEADER = ("file", "content", "suggested_spec", "good")
 # What an inspection may end with: codes of errors that name what is wrong with a file (src/base/core/error.c).
 OF_FILES = {"input_damaged", "input_unsupported", "input_missing", "no_surface", "limit_memory"}
 FOLDERS = ("meshes", "vdb", "volumes", "exr", "malformed")
@@ -67,7 +71,7 @@ def describe(found):
 
 
 def row(worker, path):
-    """Cells of the table, and whether the row is as it should be."""
+    """What the file has, what came of the suggested spec, and whether both are as they should be."""
     found, fault = inspect(worker, path)
     if fault:
         return f"`{fault['code']}`: {fault['message']}", "", fault["code"] in OF_FILES
@@ -87,18 +91,21 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worker", required=True)
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("HEXAD_SHARED"))
+    parser.add_argument("--output")
     parser.add_argument("--only", nargs="*", default=[], help="files whose paths have these words")
     options = parser.parse_args()
     if not options.data:
         parser.error("--data or HEXAD_SHARED names the collection")
-    wrong = 0
-    print("| file | what lies in it | the suggested spec |\n|---|---|---|", flush=True)
+    rows = []
     for path in files_of(pathlib.Path(options.data), options.only):
-        what, came, good = row(options.worker, path)
-        wrong += not good
-        cells = [str(path.relative_to(options.data)), what, came if good else f"**WRONG** {came}"]
-        print("| " + " | ".join("".join(c if c.isprintable() else "?" for c in cell).replace("|", "\\|")
-                                for cell in cells) + " |", flush=True)
+        content, came, good = row(options.worker, path)
+        cells = [str(path.relative_to(options.data)), content, came, "yes" if good else "no"]
+        rows.append(["".join(c if c.isprintable() else "?" for c in cell) for cell in cells])
+        print(*rows[-1], sep=" | ", flush=True)
+        if options.output:
+            results.write(options.output, HEADER, rows)
+    wrong = sum(good == "no" for *_, good in rows)
+    print(f"{len(rows)} files, {wrong} of them wrong")
     return wrong > 0
 
 

@@ -3,12 +3,13 @@
 """How long one user waits while ten others do all that the OpenAPI document offers, and what is hostile.
 
     measurements/isolation/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]
-                       [--untimed] [--only large_pages,...] [--place DIRECTORY]
+                       [--untimed] [--only large_pages,...] [--place DIRECTORY] [--output FILE.csv]
     measurements/isolation/isolation.py --built BUILD --routes SECONDS | --serving-thread [--jobs 0] [--only listJobs,...] [--real-workers]
-                       [--place DIRECTORY]
+                       [--place DIRECTORY] [--output FILE.csv]
 
-The second form measures each row of the table of routes (measurements/isolation/isolation_routes.py). The first one prints a table in Markdown: the answering times of GET /healthz, of status reads and of submissions of one user, before and
-during the load, and the daemon's RssAnon. Ends with 1 when a goal is missed: 99th percentiles below 50 ms, RssAnon below 300 MB,
+The second form measures each row of the table of routes (measurements/isolation/isolation_routes.py). The first one measures the
+answering times of GET /healthz, of status reads and of submissions of one user, before and during the load, and the daemon's RssAnon.
+The results are printed; --output writes them, too. Ends with 1 when a goal is missed: 99th percentiles below 50 ms, RssAnon below 300 MB,
 no failure of the measured user's requests, no answer 500, an end within drain_s + grace_s + 5 s of SIGTERM under the load.
 
 The ten users run at the lowest priority: they stand for programs on other machines. The daemon has the default one: with a
@@ -39,11 +40,16 @@ import tempfile
 import threading
 import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+
+import results  # noqa: E402
+
 USERS = 10
 DEPTH = 6  # of surfaces in surfaces
 THREADS = 4  # of each user, with a connection each
 GOAL_MS, GOAL_MB = 50, 300
 DRAIN_S, GRACE_S = 5, 2
+END_S = DRAIN_S + GRACE_S + 5
 BASELINE_S = 20
 ROUND_S = 0.05
 PATIENCE_S = 120
@@ -593,13 +599,29 @@ class Measured:
         return times, most
 
 
-def table(before, during):
-    lines = ["| request | number | p50 ms before | p99 ms before | p50 ms | p99 ms | longest ms |", "|---|---:|---:|---:|---:|---:|---:|"]
+COLUMNS = ["request", "number", "p50_before_ms", "p99_before_ms", "p50_ms", "p99_ms", "longest_ms", "goal_p99_ms", "rss_anon_mb", "end_s",
+           "outcome"]
+
+
+def outcome(met):
+    return "met" if met else "missed"
+
+
+def table(before, during, most_mb, ended_s):
+    """A row for each request, and one for the daemon's memory and its end."""
+    rows = []
     for name, times in during.items():
-        earlier = before[name]
-        lines.append(f"| {name} | {len(times)} | {percentile(earlier, .5):.1f} | {percentile(earlier, .99):.1f} | {percentile(times, .5):.1f}"
-                     f" | {percentile(times, .99):.1f} | {max(times):.0f} |")
-    return "\n".join(lines)
+        judged = not name.startswith("echo")
+        rows.append([name, len(times), *(f"{percentile(part, share):.1f}" for part in (before[name], times) for share in (.5, .99)),
+                     f"{max(times):.0f}", GOAL_MS if judged else "", "", "",
+                     outcome(percentile(times, .99) < GOAL_MS) if judged else ""])
+    rows.append(["daemon", *[""] * 7, f"{most_mb:.0f}", f"{ended_s:.1f}", outcome(most_mb < GOAL_MB and ended_s <= END_S)])
+    return rows
+
+
+def show(columns, rows):
+    for row in (columns, *rows):
+        print(*row, sep=", ", flush=True)
 
 
 def campaign(options, base):
@@ -639,9 +661,12 @@ def campaign(options, base):
     print(f"measurements/isolation/isolation.py --minutes {options.minutes:g} --seed {options.seed} --jobs {options.jobs}"
           f"{' --real-workers' if options.real_workers else ''}:"
           f" {os.cpu_count()} processors, load average {load:.1f}\n")
-    print(table(before, during))
+    rows = table(before, during, most_mb, ended_s)
+    show(COLUMNS, rows)
+    if options.output:
+        results.write(options.output, COLUMNS, rows)
     print(f"\nRssAnon: {idle_mb:.0f} MB before, at most {most_mb:.0f} MB; the end after SIGTERM took {ended_s:.1f} s of"
-          f" {DRAIN_S + GRACE_S + 5}; exit status {daemon.process.returncode}.")
+          f" {END_S}; exit status {daemon.process.returncode}.")
     print("Answers to the ten users: " + ", ".join(f"{k}: {n}" for k, n in sorted(answers.items(), key=lambda x: str(x[0]))) + ".")
     print("Operations: " + ", ".join(f"{k}: {n}" for k, n in sorted(kinds.items())) + ".")
     for name, times in during.items():
@@ -649,7 +674,7 @@ def campaign(options, base):
             missed.append(f"{name}: p99 {percentile(times, .99):.0f} ms")
     if most_mb >= GOAL_MB:
         missed.append(f"RssAnon {most_mb:.0f} MB")
-    if ended_s > DRAIN_S + GRACE_S + 5 or daemon.process.returncode:
+    if ended_s > END_S or daemon.process.returncode:
         missed.append(f"the end took {ended_s:.0f} s, exit status {daemon.process.returncode}")
     missed += faults
     print("\n".join(f"missed: {text}" for text in missed[:40]) or "All goals are met.")
@@ -668,6 +693,7 @@ def main():
     parser.add_argument("--real-workers", action="store_true")
     parser.add_argument("--only", type=lambda text: text.split(","), default=[])
     parser.add_argument("--place", type=pathlib.Path)
+    parser.add_argument("--output", type=pathlib.Path)
     options = parser.parse_args()
     options.built = options.built.resolve()
     run = campaign

@@ -26,7 +26,7 @@ import statistics
 import sys
 import time
 
-from isolation import MEASURED, Client, Daemon, Measured, ball, be_last, fill, percentile
+from isolation import MEASURED, Client, Daemon, Measured, ball, be_last, fill, outcome, percentile, results
 
 CONNECTIONS = 200
 LOADER = "loader"
@@ -39,6 +39,8 @@ PIECE, SINK_PIECE = 65536, 16384  # of files; of uploads, header_limit_bytes
 LONG_BYTES = 16 << 20  # of a result, and of an upload
 BACKLOG = 50000  # events
 STREAM_BYTES = 1 << 20  # of a stream, after which the client closes it and begins again
+ROUTES_COLUMNS = ["row", "answers_per_s", "echo_p99_ms", "healthz_p99_ms", "status_p99_ms", "post_p99_ms", "goals"]
+THREAD_COLUMNS = ["row", "calls", "status", "answer_bytes", "whole_request_ms", "head_ms"]
 SOURCE = pathlib.Path(__file__).resolve().parents[2] / "src/service/api/routes.c"
 
 
@@ -255,10 +257,9 @@ def measure(measured, seconds):
 def routes(options, base):
     """The mode --routes."""
     scene = Scene(options, base)
-    measured, missed = Measured(scene.daemon, scene.own), []
+    measured, missed, rows = Measured(scene.daemon, scene.own), [], []
     print(f"measurements/isolation/isolation.py --routes {options.routes:g}: {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}\n")
-    print("| row | caller | answers/s | p99 ms: echo | " + " | ".join(GOALS_MS) + " | goals |")
-    print("|---|---|---|" + "---:|" * 4 + "---|", flush=True)
+    print(*ROUTES_COLUMNS, sep=", ", flush=True)
     try:
         for title, row, query, headers in loads(scene):
             if options.only and row[0] not in options.only:
@@ -276,13 +277,16 @@ def routes(options, base):
                 p99 = {name: percentile(values, .99) for name, values in times.items()}
                 late = [name for name, most in GOALS_MS.items() if p99.get(name, float("inf")) > p99["echo"] + most]
                 faults = measured.faults[:1]
-                answers = ", ".join(f"{status}: {count / options.routes:.0f}" for status, count in sorted(statuses.items()))
-                print(f"| {title} | {caller} | {answers} | {p99['echo']:.1f} | " + " | ".join(f"{p99.get(n, float('nan')):.1f}" for n in GOALS_MS)
-                      + f" | {'**missed**' if late or faults else 'met'} |", flush=True)
+                answers = "; ".join(f"{status}: {count / options.routes:.0f}" for status, count in sorted(statuses.items()))
+                rows.append([f"{title} {caller}", answers, *(f"{p99.get(n, float('nan')):.1f}" for n in ("echo", *GOALS_MS)),
+                             outcome(not late and not faults)])
+                print(*rows[-1], sep=", ", flush=True)
                 missed += [f"{title}, {caller}: {name}" for name in late] + [f"{title}, {caller}: {fault}" for fault in faults]
     finally:
         scene.daemon.process.kill()
         scene.daemon.process.wait()
+    if options.output:
+        results.write(options.output, ROUTES_COLUMNS, rows)
     print("\n" + ("\n".join(f"missed: {text}" for text in missed) or "All goals are met."))
     return 1 if missed else 0
 
@@ -352,8 +356,8 @@ def serving_thread(options, base):
     """The mode --serving-thread."""
     scene, calls = Scene(options, base), serving_calls(SOURCE.read_text())
     missed = [f"{name}: no row of routes.c" for name, *_ in scene.rows() if name not in calls]
-    thread, connection = Thread(scene), Connection(scene.daemon.address)
-    print("| row | calls in the serving thread | status | answer, bytes | ms, whole request | ms, HEAD |\n|---|---|---:|---:|---:|---:|", flush=True)
+    thread, connection, rows = Thread(scene), Connection(scene.daemon.address), []
+    print(*THREAD_COLUMNS, sep=", ", flush=True)
     try:
         for row in scene.rows():
             name, method = row[0], row[1]
@@ -366,30 +370,30 @@ def serving_thread(options, base):
             whole = cpu_ms(thread, ask)
             status, length = sent[-1]
             head = cpu_ms(thread, lambda: ask("HEAD")) if method == "GET" else whole
-            print(f"| {name} | {', '.join(calls[name]) or '-'} | {status} | {length} | {whole:.3f} | {head:.3f} |", flush=True)
+            rows.append([name, ", ".join(calls[name]) or "-", status, length, f"{whole:.3f}", f"{head:.3f}"])
+            print(*rows[-1], sep=", ", flush=True)
             if {"handler", "keeper"} & set(calls.get(name, ())) and head > GOAL_CPU_MS:
                 missed.append(f"{name}: {head:.3f} ms")
             if name in ("drain", "hold"):
                 ask_end = scene.request((name, method, "/v1/admin/" + {"drain": "resume", "hold": "release"}[name], row[3]), token, 0)
                 connection.ask(ask_end, method)
-        missed += [f"{what}: {ms:.3f} ms" for what, ms in long_bodies(scene, thread, connection) if ms > GOAL_CPU_MS]
+        for what, call, ms in long_bodies(scene, thread, connection):
+            rows.append([what, call, "", "", f"{ms:.3f}", ""])
+            print(*rows[-1], sep=", ", flush=True)
+            missed += [f"{what}: {ms:.3f} ms"] if ms > GOAL_CPU_MS else []
     finally:
         scene.daemon.process.kill()
         scene.daemon.process.wait()
+    if options.output:
+        results.write(options.output, THREAD_COLUMNS, rows)
     print("\n" + ("\n".join(f"missed: {text}" for text in missed) or "All goals are met."))
     return 1 if missed else 0
 
 
 def long_bodies(scene, thread, connection):
-    """(call, ms of one call) of the calls that receive or send in pieces, printed, too."""
-    token, row, found = scene.tokens["submitter"], {r[0]: r for r in scene.rows()}, []
+    """(what, call, ms of one call) of the calls that receive or send in pieces."""
+    token, row = scene.tokens["submitter"], {r[0]: r for r in scene.rows()}
     head = scene.request(row["putInput"], token, 0).partition(b"\r\n\r\n")[0]
-    print("\n| call | ms, with receiving and sending |\n|---|---:|")
-
-    def note(what, ms):
-        found.append((what, ms))
-        print(f"| {what} | {ms:.3f} |", flush=True)
-
     openers = []
 
     def put(body):
@@ -408,11 +412,13 @@ def long_bodies(scene, thread, connection):
 
     for _ in range(REQUESTS):
         put(secrets.token_bytes(4096))
-    note("putInput: the head and the opener", statistics.median(openers))
+    yield "putInput: the head and the opener", "opener", statistics.median(openers)
     upload = secrets.token_bytes(LONG_BYTES)
-    note("putInput: the sink, for each 16 KiB", cpu_ms(thread, lambda: put(secrets.token_bytes(32) + upload[32:]), 10) * SINK_PIECE / LONG_BYTES)
+    yield ("putInput: the sink, for each 16 KiB", "sink",
+           cpu_ms(thread, lambda: put(secrets.token_bytes(32) + upload[32:]), 10) * SINK_PIECE / LONG_BYTES)
     file = (*row["getResult"][:2], f"/v1/jobs/{scene.job}/results/points.ply", row["getResult"][3])
-    note("getResult: for each 64 KiB", cpu_ms(thread, lambda: connection.ask(scene.request(file, token, 0), "GET"), 10) * PIECE / LONG_BYTES)
+    yield ("getResult: for each 64 KiB", "-",
+           cpu_ms(thread, lambda: connection.ask(scene.request(file, token, 0), "GET"), 10) * PIECE / LONG_BYTES)
     chunks = []
 
     def follow():
@@ -424,5 +430,5 @@ def long_bodies(scene, thread, connection):
         one.close()
         chunks.append(len(re.findall(rb"\r\n[0-9a-fA-F]+\r\n", got)))
 
-    note("followJobs: a copy of a stream, with its two resumptions", cpu_ms(thread, follow, 5) / statistics.median(chunks))
-    return found
+    yield ("followJobs: a copy of a stream, with its two resumptions", "copy of a stream",
+           cpu_ms(thread, follow, 5) / statistics.median(chunks))

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a user gets to see what another user put into jobs.
 
-    measurements/isolation/separation.py --built BUILD [--operations 10000] [--seed 1] [--place DIRECTORY]
+    measurements/isolation/separation.py --built BUILD [--operations 10000] [--seed 1] [--place DIRECTORY] [--output FILE.csv]
 
 Two accounts, ann and ben, do what the OpenAPI document offers, in random order; half of it after a restart of the daemon. What ann puts
 into values of specs, paths, webhooks, output directories, uploads, logs, error messages, progress and results has a marker, of letters or
@@ -14,7 +14,7 @@ the same operations, but in another order.
 Relations: jobs of ben wait for jobs of ann that end in every way, and jobs of ann for ben's. What hexad then says to ben must be the same
 text for all jobs of ann that did not succeed as required, and for all whose frames ben's job cannot wait for.
 
-Prints a table in Markdown; ends with 1 when ben found a marker, or when ann did not find it where it must be.
+Prints the results; --output has a row for each run, and the row of this run is written there. Ends with 1 when ben found a marker, or when ann did not find it where it must be.
 """
 import argparse
 import collections
@@ -31,9 +31,10 @@ import threading
 import time
 import traceback
 
-from isolation import Client, Daemon, User, ball
+from isolation import Client, Daemon, User, ball, results
 
 SECRET = re.compile(rb"mkr7x\w*|86753091\d+", re.I)
+COLUMNS = ["run", "operations", "seed", "searched_mb", "leaks", "pairs_of_equal_specs", "pairs_from_the_cache"]
 PUBLIC = re.compile(rb"pub7x\w*", re.I)
 PUBLIC_KEYS = ("name", "labels", "next")  # a cursor of a list sorted by name has a name
 THREADS = {"ann": 2, "ben": 4}
@@ -612,12 +613,17 @@ def campaign(options, base):
 
 def report(options, tally):
     print(f"measurements/isolation/separation.py --operations {options.operations} --seed {options.seed}\n")
-    print("| what ben got | searched |\n|---|---:|")
+    print("what ben got, searched")
     for what, count in sorted(tally.searched.items()):
-        print(f"| {what} | {count} |")
+        print(f"{what}, {count}")
     print(f"\n{tally.bytes / 1e6:.0f} MB were searched: {len(tally.leaks)} leaks. {tally.pairs} pairs of equal specs, {tally.cached} of ben's from the"
           f" cache. ann found markers in: " + ", ".join(f"{k}: {n}" for k, n in sorted(tally.seen.items())) + ".")
     print("\nJobs of ben related to jobs of ann: " + ", ".join(f"{kind}: {tally.related[kind]}" for kind in RELATIONS) + ".")
+    if options.output:
+        name = f"{options.operations} operations, seed {options.seed}"
+        others = [list(row.values()) for row in results.read(options.output) if row["run"] != name]
+        results.write(options.output, COLUMNS, [*others, [name, options.operations, options.seed, f"{tally.bytes / 1e6:.0f}", len(tally.leaks),
+                                                          tally.pairs, tally.cached]])
     for kind, count in collections.Counter(leak.partition(":")[0] for leak in tally.leaks).items():
         print(f"missed: {count} leaks: {kind}")
     for text in tally.leaks[:20] + tally.faults[:20]:
@@ -630,6 +636,7 @@ def main():
     parser.add_argument("--operations", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--place", type=pathlib.Path)
+    parser.add_argument("--output", type=pathlib.Path)
     options = parser.parse_args()
     options.built = options.built.resolve()
     print(f"seed {options.seed}", flush=True)

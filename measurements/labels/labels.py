@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Samples segmentations of known shapes, holds points, areas and lines against the truth, and writes a table
-(measurements/labels/labels.md).
+"""Samples segmentations of known shapes, and compares points, areas and lines with the exact ones
+(shapes.csv, methods.csv, cost.csv and segmentations.csv in measurements/labels).
 
-    measurements/labels/labels.py --worker build/hexad-worker --output measurements/labels/labels.md [--seeds 5] [--count 10000] [--size 96]
-        [--data FOLDER --real 100000 --files tooth.nrrd,frogtissue.mhd]
+    measurements/labels/labels.py --worker build/hexad-worker --output FOLDER [--seeds 5] [--counts 10000,100000] [--size 96]
+        [--data FOLDER --real 10000 --files tooth.nrrd,frogtissue.mhd]
 
-With --data a table of real segmentations, of volumes in this folder, is added. Each figure is the median over the seeds; the shapes are those of tests/service/label_shapes.py. A second table compares other
-ways to take the stairs out of voxels, computed here. Shares no code with the sampler.
+With --data segmentations.csv has real volumes of this folder. Each figure is the median over the seeds; the shapes are those of
+tests/service/label_shapes.py. methods.csv compares other ways to remove the stairs of voxels, computed here, at the first count.
+cost.csv compares a ball of two labels with its level set. Shares no code with the sampler.
 """
 import argparse
 import json
@@ -21,7 +22,9 @@ import numpy
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "service"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "service"), str(ROOT / "measurements" / "common")]
+import results  # noqa: E402
 from label_shapes import PLAIN, TURNED, Balls, Sectors, places  # noqa: E402
 from readers import read_columns  # noqa: E402
 from volumes import read_nrrd, write_nrrd  # noqa: E402
@@ -75,13 +78,13 @@ def figures(shape, report, points, cpu):
     areas = shape.areas() if hasattr(shape, "areas") else {}
     errors = {p: i["area"] / areas[p] - 1 for p, i in zip(pairs, report["surface"]["labels"]["interfaces"]) if p in areas}
     return {"outcome": report["outcome"],
-            "largest areas": max((abs(e) for p, e in errors.items() if p[0] == 0), default=numpy.nan),
-            "other areas": max((abs(e) for p, e in errors.items() if p[0] != 0), default=numpy.nan),
-            "interfaces, rms": numpy.sqrt((off ** 2).mean()), "lines, rms": numpy.sqrt((line ** 2).mean()),
-            "lines, most": line.max(), "between interfaces": between / report["spacing"],
-            "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"],
-            "open edges": report["mesh"]["boundary_edges"] - report["mesh"]["rim_edges"],
-            "closed labels": " of ".join(map(str, closed_labels(report))), "CPU s": cpu}
+            "largest_area_error": max((abs(e) for p, e in errors.items() if p[0] == 0), default=numpy.nan),
+            "other_area_error": max((abs(e) for p, e in errors.items() if p[0] != 0), default=numpy.nan),
+            "interfaces_rms_voxels": numpy.sqrt((off ** 2).mean()), "lines_rms_voxels": numpy.sqrt((line ** 2).mean()),
+            "lines_largest_voxels": line.max(), "between_interfaces_spacings": between / report["spacing"],
+            "coverage_spacings": report["quality"]["coverage"], "hex_fraction": report["quality"]["hex_fraction"],
+            "open_edges": report["mesh"]["boundary_edges"] - report["mesh"]["rim_edges"],
+            "closed_labels": " of ".join(map(str, closed_labels(report))), "cpu_s": cpu}
 
 
 def closed_labels(report):
@@ -91,7 +94,7 @@ def closed_labels(report):
 
 
 def real(worker, folder, data, count, files):
-    """Rows of segmentations whose truth nobody knows."""
+    """Rows of segmentations whose exact interfaces are unknown."""
     write_nrrd(folder / "tooth.nrrd", tooth(read_nrrd(data / "tooth.nhdr")[0]))
     for name in ("frogtissue.mhd", "frogtissue.zraw"):
         (folder / name).write_bytes((data / name).read_bytes())
@@ -99,22 +102,22 @@ def real(worker, folder, data, count, files):
         closed = {"closed": True} if name == "tooth.nrrd" else {}  # the frog's parts end with the data
         report, _, cpu = run(worker, folder, {"labels": {"path": name, **closed}}, count, 0)
         mesh = report["mesh"]
-        yield {"file": name, "labels": len(report["surface"]["labels"]["materials"]),
+        yield {"file": name, "points": str(count), "labels": len(report["surface"]["labels"]["materials"]),
                "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
-               "farthest place": report["quality"]["coverage"], "hex": report["quality"]["hex_fraction"] or numpy.nan,
-               "on thin walls": report["quality"]["thin_count"] / report["count"], "open edges": mesh["boundary_edges"] - mesh["rim_edges"],
-               "closed labels": " of ".join(map(str, closed_labels(report))),
-               "memory, MB": report["peak_memory_bytes"] / 2 ** 20, "CPU s": cpu}
+               "coverage_spacings": report["quality"]["coverage"], "hex_fraction": report["quality"]["hex_fraction"] or numpy.nan,
+               "thin_share": report["quality"]["thin_count"] / report["count"], "open_edges": mesh["boundary_edges"] - mesh["rim_edges"],
+               "closed_labels": " of ".join(map(str, closed_labels(report))),
+               "memory_mib": report["peak_memory_bytes"] / 2 ** 20, "cpu_s": cpu}
 
 
 def text(value):
     return value if isinstance(value, str) else "" if value != value else f"{value:.4g}"
 
 
-def table(rows):
-    names = list(rows[0])
-    return ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)] + [
-        "| " + " | ".join(text(row[n]) for n in names) + " |" for row in rows]
+def write(path, rows):
+    """Writes dictionaries with the same names, and prints them."""
+    results.write(path, list(rows[0]), [[text(value) for value in row.values()] for row in rows])
+    print(path.name, *(", ".join(text(value) for value in row.values()) for row in rows), sep="\n")
 
 
 def median(runs):
@@ -180,57 +183,62 @@ def points_near(shape, points):
     return [numpy.sqrt((off[part] ** 2).mean()) for part in (~near, near)]
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    for name, default in (("worker", None), ("output", None), ("data", ""), ("seeds", 5), ("count", 10000), ("size", 96),
-                          ("real", 100000), ("files", "tooth.nrrd,frogtissue.mhd")):
-        parser.add_argument("--" + name, default=default, type=str if default is None else type(default), required=default is None)
-    options = parser.parse_args()
+def shapes(options, folder):
+    """Rows of shapes.csv and of methods.csv."""
     rows, other = [], []
-    with tempfile.TemporaryDirectory() as place:
-        folder = pathlib.Path(place)
-        for kind in (Balls, Sectors):
-            for name, turn in (("", PLAIN), (", turned", TURNED)):
-                shape = kind(options.size, turn)
-                write_nrrd(folder / "v.nrrd", shape.labels)
+    for kind in (Balls, Sectors):
+        for name, turn in (("", PLAIN), (" turned", TURNED)):
+            shape, title = kind(options.size, turn), {Balls: "three balls", Sectors: "three sectors"}[kind] + name
+            write_nrrd(folder / "v.nrrd", shape.labels)
+            for count in options.counts:
                 runs = []
                 for seed in range(options.seeds):
-                    report, points, cpu = run(options.worker, folder, {"labels": {"path": "v.nrrd"}}, options.count, seed)
+                    report, points, cpu = run(options.worker, folder, {"labels": {"path": "v.nrrd"}}, count, seed)
                     runs.append(figures(shape, report, points, cpu))
-                title = {Balls: "three balls", Sectors: "three sectors"}[kind] + name
-                rows.append({"shape": title, **median(runs)})
-                for way, words in ((indicators, "largest of smoothed indicators"), (distances, "largest of smoothed distances")):
-                    far, near = compare(way, shape)
-                    other.append({"shape": title, "way": words, "off lines, rms": far, "near lines, rms": near})
-                far, near = points_near(shape, points)
-                other.append({"shape": title, "way": "hexad", "off lines, rms": far, "near lines, rms": near})
-        labels, off = ball(options.size)
-        write_nrrd(folder / "v.nrrd", labels)
-        write_nrrd(folder / "w.nrrd", -off)
-        pair = [[run(options.worker, folder, surface, options.count, seed) for seed in range(options.seeds)]
-                for surface in ({"labels": {"path": "v.nrrd"}}, {"volume": {"path": "w.nrrd", "isovalue": 0}})]
-        two = [cKDTree(runs[0][1]["at"]) for runs in pair]
-        radius = [numpy.linalg.norm(t.data - (options.size - 1) / 2, axis=1) for t in two]
-        times = [float(numpy.median([r[2] for r in runs])) for runs in pair]
-        others = []
+                rows.append({"job": f"{title} {count}", "shape": title, "points": str(count), **median(runs)})
+                if count == options.counts[0]:
+                    ways = {"smoothed indicators": compare(indicators, shape), "smoothed distances": compare(distances, shape),
+                            "hexad": points_near(shape, points)}
+                    other += [{"row": f"{title} by {way}", "shape": title, "method": way, "off_lines_rms_voxels": far,
+                               "near_lines_rms_voxels": near}
+                              for way, (far, near) in ways.items()]
+    return rows, other
+
+
+def cost(options, folder):
+    """Rows of cost.csv: a ball of two labels, and its level set."""
+    labels, off = ball(options.size)
+    write_nrrd(folder / "v.nrrd", labels)
+    write_nrrd(folder / "w.nrrd", -off)
+    for count in options.counts:
+        # in turn, so that other load affects both alike
+        pair = [[run(options.worker, folder, surface, count, seed) for surface in
+                 ({"labels": {"path": "v.nrrd"}}, {"volume": {"path": "w.nrrd", "isovalue": 0}})] for seed in range(options.seeds)]
+        times = [float(numpy.median([runs[k][2] for runs in pair])) for k in (0, 1)]
+        radius = numpy.linalg.norm(pair[0][0][1]["at"] - (options.size - 1) / 2, axis=1)
+        yield {"points": str(count), "labels_cpu_s": times[0], "level_set_cpu_s": times[1], "ratio": times[0] / times[1],
+               "radius_error_voxels": radius.mean() - 0.3 * options.size, "radius_rms_voxels": radius.std()}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    for name, default in (("worker", None), ("output", None), ("data", ""), ("seeds", 5), ("counts", "10000,100000"), ("size", 96),
+                          ("real", 10000), ("files", "tooth.nrrd,frogtissue.mhd")):
+        parser.add_argument("--" + name, default=default, type=str if default is None else type(default), required=default is None)
+    options = parser.parse_args()
+    options.counts = [int(count) for count in options.counts.split(",")]
+    output = pathlib.Path(options.output)
+    output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as place:
+        folder = pathlib.Path(place)
+        rows, other = shapes(options, folder)
+        write(output / "shapes.csv", rows)
+        write(output / "methods.csv", other)
+        write(output / "cost.csv", list(cost(options, folder)))
         if options.data:
-            others = list(real(options.worker, folder, pathlib.Path(options.data), options.real, options.files.split(",")))
-    lines = ["# Interfaces of labels", "",
-             f"Printed by `measurements/labels/labels.py --seeds {options.seeds} --count {options.count} --size {options.size}`; `make labels` "
-             f"writes the page with five seeds. Cubes of {options.size} voxels.",
-             "Distances are in voxels, except `between interfaces`, the least distance of points on two interfaces, and `farthest place`,",
-             "the coverage, which are in spacings. Areas are the largest errors of the share that an interface has of the whole area.", "",
-             *table(rows), "",
-             *([f"Segmentations, {options.real} points, one run each. `tooth`, `closed`, is a volume with labels by thresholds.", "", *table(others),
-                ""] if others else []),
-             f"Other methods with a filter of {WIDTH} voxels, measured where the interface crosses the lines between voxels; hexad at its points. "
-             f"`near lines` is within {NEAR} voxels of a line.",
-             "", *table(other), "",
-             "Voxels of a slanted wall of one voxel that are lost, of those whose own label is not the largest: indicators "
-             f"{lost(indicators):.0%}, distances {lost(distances):.0%}, hexad none, since each voxel keeps its label at its centre.", "",
-             f"A ball of two labels: radius {radius[0].mean() - 0.3 * options.size:+.3f} voxel, rms {radius[0].std():.3f}; its level set "
-             f"{radius[1].mean() - 0.3 * options.size:+.4f}. {times[0]:.1f} s of CPU against {times[1]:.1f} s.", ""]
-    pathlib.Path(options.output).write_text("\n".join(lines))
+            write(output / "segmentations.csv", list(real(options.worker, folder, pathlib.Path(options.data), options.real,
+                                                          options.files.split(","))))
+    print(f"voxels lost of a slanted wall of one voxel: indicators {lost(indicators):.0%}, distances {lost(distances):.0%}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a segmentation with many labels and prints the CPU time and the peak memory of jobs that sample it.
+"""Makes a segmentation with many labels, and prints and writes the CPU time and the peak memory of jobs that sample it.
 
     measurements/labels/many_labels.py --worker build/hexad-worker [--labels 1500] [--size 256] [--seed 1] [--counts 100000,1000000]
-        [--threads 2] [--memory-mb 16384] [--keep FILE.nrrd]
+        [--threads 2] [--memory-mb 16384] [--keep FILE.nrrd] [--output FILE.csv]
 
 The labels are the Voronoi cells of random points in a cube of --size voxels. With the defaults about 3 million pairs of voxels
 that share a side have different labels. --worker may name several workers, separated by commas. Each job uses the defaults
@@ -20,8 +20,13 @@ import tempfile
 import numpy
 from scipy.spatial import cKDTree
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "service"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "service"), str(ROOT / "measurements" / "common")]
+import results  # noqa: E402
 from volumes import write_nrrd  # noqa: E402
+
+
+HEADER = ("job", "points", "labels", "voxel_faces", "triangles", "outcome", "lost", "cpu_s", "memory_mib")
 
 
 def cells(labels, size, seed):
@@ -54,6 +59,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--worker", required=True)
     parser.add_argument("--counts", default="100000")
+    parser.add_argument("--output", type=pathlib.Path)
     parser.add_argument("--keep", type=pathlib.Path, help="also write the volume to this file")
     for name, default in (("labels", 1500), ("size", 256), ("seed", 1), ("threads", 2), ("memory_mb", 16384)):
         parser.add_argument("--" + name.replace("_", "-"), type=int, default=default)
@@ -64,14 +70,18 @@ def main():
         volume = cells(options.labels, options.size, options.seed)
         faces = sum(int(numpy.count_nonzero(numpy.diff(volume.astype("i4"), axis=axis))) for axis in range(3))
         write_nrrd(file, volume)
-        print(f"seed {options.seed}: {len(numpy.unique(volume))} labels in {options.size}^3 voxels, {faces} faces between voxels",
-              flush=True)
+        labels = len(numpy.unique(volume))
+        print(f"seed {options.seed}: {labels} labels in {options.size}^3 voxels, {faces} faces between voxels", flush=True)
         del volume
+        rows = []
         for count in map(int, options.counts.split(",")):
             for worker in options.worker.split(","):
                 report, cpu, memory = run(worker, folder, file, count, options.threads, options.memory_mb)
-                print(f"{worker}: {report['surface']['labels']['triangles']} triangles, {count} points, {report['outcome']}, "
-                      f"lost {report['quality']['lost']}: CPU {cpu:.1f} s, memory {memory:.0f} MB", flush=True)
+                rows.append([f"{worker} {count}", count, labels, faces, report["surface"]["labels"]["triangles"], report["outcome"],
+                             report["quality"]["lost"], f"{cpu:.1f}", f"{memory:.0f}"])
+                print(", ".join(f"{name} {value}" for name, value in zip(HEADER, rows[-1])), flush=True)
+                if options.output:
+                    results.write(options.output, HEADER, rows)
 
 
 if __name__ == "__main__":

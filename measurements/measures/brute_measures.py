@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the measures of reports against a program that compares places with all points near them, and writes a table
-(measurements/measures/measures.md).
+"""Compares the measures of reports with those of a program that compares places with all points near them
+(measurements/measures/README.md).
 
-    measurements/measures/brute_measures.py --worker build/hexad-worker --data FOLDER --output measurements/measures/measures.md [--only NAME,...]
+    measurements/measures/brute_measures.py --worker build/hexad-worker --data FOLDER --output measurements/measures/brute_measures.csv
+                                            [--only NAME,...]
 
 FOLDER has the volumes that JOBS names. The definitions are those of doc/report.md. Shares no code with the project: surfaces are
 triangles of marching tetrahedra on grids of an eighth of the spacing or less, of formulas, of splines of scipy through a volume's
@@ -26,6 +27,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "
 from label_shapes import TURNED, Balls, places  # noqa: E402
 from readers import read_columns  # noqa: E402
 from volumes import read_nifti, read_nrrd, write_nrrd  # noqa: E402
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
 
 # Bounds of the measures' definitions: the cosine of opposite walls; close, coincident and missing, in spacings.
 OPPOSITE, CLOSE, COINCIDENT, MISSING = -0.4, 0.25, 1e-3, 1.2
@@ -500,7 +504,8 @@ def main():
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     names = [n for n in JOBS if not given.only or n in given.only.split(",")]
-    lines = ["| surface | points | outcome | area | " + " | ".join(ALLOWED) + " |", "|---|---|---|---|" + len(ALLOWED) * "---|"]
+    header = ["surface", "points", "outcome", "area_ratio", *(f"{name}_{of}" for name in ALLOWED for of in ("report", "program"))]
+    lines = []
     apart = []
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
@@ -513,28 +518,14 @@ def main():
             told, found = told_of(report, measure_), brute[measure_]
             far = not abs(told - found) <= allowed
             apart += [f"{name}: {measure_}"] if far else []
-            cells.append(f"{told:.4g} / {found:.4g}" + (" **apart**" if far else ""))
-        lines.append(f"| {name} | {count} | {report['outcome']} | {area:.4f} | " + " | ".join(cells) + " |")
-        print(lines[-1], flush=True)
+            cells += [f"{told:.4g}", f"{found:.4g}"]
+        lines.append([name, count, report["outcome"], f"{area:.4f}", *cells])
+        print(", ".join(f"{key} {value}" for key, value in zip(header, lines[-1])), flush=True)
     if given.output:
-        given.output.write_text(PAGE + "\n".join(lines) + "\n")
+        results.write(given.output, header, lines)
     print("apart:", ", ".join(apart) or "none", f"({resource.getrusage(resource.RUSAGE_SELF).ru_utime:.0f} s)")
     return 1 if apart else 0
 
-
-PAGE = """# Measures of reports, checked by brute force
-
-    measurements/measures/brute_measures.py --worker build/hexad-worker --data FOLDER --output measurements/measures/measures.md
-
-Each cell has the report's measure, then that of measurements/measures/brute_measures.py, which compares dense samples of its own triangles with
-all points near them. `area` is the area of these triangles over the report's. FOLDER has the volumes. Parts of a volume's spline
-between the voxels are ignored, because no grid cell has a sign change there.
-
-A cell is marked if the measures differ by more than .05 (coverage), .003 (missing_share), .002 (close_share), .01
-(min_spacing_ratio) or .04 (hex_fraction; .1 below 300 points). Coverage of a volume may also differ by a quarter of a voxel, which
-is the error of the size of a speck of one voxel.
-
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

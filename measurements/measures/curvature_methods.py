@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares ways to take a curvature over a distance, on a sphere and a torus in noisy samples, whose curvature is known.
 
-    measurements/measures/curvature_methods.py
+    measurements/measures/curvature_methods.py [--output measurements/measures/curvature_methods.csv]
 
-Prints a table (doc/departures.md): the rms error of kappa over the true one's rms. Lengths are in voxels. The methods
-are made here with numpy; the first is what src/sampling/sizing/scaled_curvature.c does, on points instead of elements.
+Computes the rms error of kappa over the rms of the true kappa (doc/departures.md). Lengths are in voxels. The methods are implemented
+here with numpy. The method "fit" is that of src/sampling/sizing/scaled_curvature.c, on points instead of elements.
 """
+import argparse
 import pathlib
 import sys
 
@@ -16,9 +17,11 @@ from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import referee  # noqa: E402
+import results  # noqa: E402
 import surfaces  # noqa: E402
 
 SIDE, POINTS, ACROSS = 96, 3000, 2
+HEADER = ["row", "surface", "noise", "distance", "at_the_point_percent", "fit_percent", "filtered_field_percent", "diffused_shape_operator_percent"]
 SHAPES = (("sphere, radius 30", surfaces.Sphere(30, (47.5, 47.5, 47.5))), ("torus, 30 and 12", surfaces.Torus(30, 12, (48, 48, 48))))
 
 
@@ -83,8 +86,10 @@ def kappa(shape):
 
 
 def main():
-    rng = numpy.random.default_rng(1)
-    print("| surface | noise | distance | at the point | fit | filtered field | diffused shape operator |\n" + "|---" * 7 + "|")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=pathlib.Path)
+    options = parser.parse_args()
+    rng, rows = numpy.random.default_rng(1), []
     for name, truth in SHAPES:
         for noise in (0.05, 0.2):
             samples = noisy(truth, noise, rng)
@@ -97,7 +102,10 @@ def main():
                 found = (kappa(shape), by_fit(x, shape, scale), kappa(referee.shape_at(filtered, x)),
                          by_diffusion(x, shape, scale))
                 error = [numpy.sqrt(((k - true) ** 2).mean() / (true ** 2).mean()) for k in found]
-                print(f"| {name} | {noise:g} | {scale} | " + " | ".join(f"{e:.1%}" for e in error) + " |", flush=True)
+                rows.append([f"{name}, noise {noise:g}, distance {scale}", name, f"{noise:g}", scale, *(f"{100 * e:.1f}" for e in error)])
+                print(rows[-1][0], *(f"{key} {value}" for key, value in zip(HEADER[4:], rows[-1][4:])), sep=", ", flush=True)
+    if options.output:
+        results.write(options.output, HEADER, rows)
 
 
 if __name__ == "__main__":

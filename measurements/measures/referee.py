@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The referee: recomputes from points.ply, report.json and the paper's equations what the worker reports.
 
-    measurements/measures/referee.py [--worker build/hexad-worker] [--output measurements/measures/referee.md] [--seeds 5] [--directory DIR]
+    measurements/measures/referee.py [--worker build/hexad-worker] [--output measurements/measures/referee.csv] [--seeds 5] [--directory DIR]
 
 Shares no code with the sampler. Surfaces are formulas and cubic splines written down here and in surfaces.py; sums over
 pairs are made with numpy from equations (3), (6), (7), (10), (12), (13) and (14) and from what doc/method.md adds to them
-(facing weights, and the turning of the normal that goes with them).
+(facing weights, and the turning of the normal that goes with them). A row of the CSV has the worst of the seeds for one surface and method.
 """
 import argparse
 import dataclasses
@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import levelsets  # noqa: E402
 import measure  # noqa: E402
+import results as csv_results  # noqa: E402
 import surfaces  # noqa: E402
 
 EXAMPLES = pathlib.Path(__file__).resolve().parents[2] / "examples"
@@ -355,47 +356,27 @@ def disagreements(found):
                   if not abs(told - own) <= AGREE * own]
 
 
+HEADER = ["row", "surface", "method", "runs", "converged", "normal_difference", "kappa_difference", "alpha_difference", "energy_difference",
+          "mean_energy_difference", "step_left", "step_left_ratio_least", "step_left_ratio_largest", "rms_step"]
+
+
 def row(case, way, results):
-    """A line of the table, of all seeds."""
+    """A row of the CSV, of all seeds."""
     worst = {name: max(r["columns"].get(name, 0) for r in results) for name in ("normal", "energy", "alpha")}
     bend = max(max(r["columns"][k] for k in ("kappa1", "kappa2")) for r in results)
     told, own = zip(*(r["numbers"]["step"] for r in results))
     ratio = [a / b for a, b in zip(told, own)]
     mean = max(abs(a / b - 1) for a, b in (r["numbers"]["energy"] for r in results))
     outcomes = [r["outcome"] for r in results]
-    return (f"| {case.name} | {way[0]} | {outcomes.count('converged')} of {len(outcomes)} | {worst['normal']:.0e} | {bend:.0e} "
-            f"| {worst['alpha']:.0e} | {worst['energy']:.0e} | {mean:.0e} | {max(told):.1e} | {min(ratio):.2f} to {max(ratio):.2f} "
-            f"| {max(r['rms_step'] for r in results):.1e} |")
-
-
-PAGE = """# Reports on formulas, checked by a second program
-
-`make referee` (`measurements/measures/referee.py`) writes this page; do not edit it. A second program computes the worker's figures from `points.ply`, `report.json` and
-the formulas of the surfaces. It shares no code with the sampler. Each row is one surface and one sampling method; its figures are the worst of the seeds 1
-to {seeds}.
-
-- **converged**: number of outcomes that are `converged`. The others are `unresolved` or, with curvature at points, `not_converged`: the
-  curvature of facets jumps, so the solve does not converge. Their figures are checked all the same.
-- **normal**, **kappa**, **alpha**, **E_i**: the largest difference between a column of `points.ply` and the recomputed column,
-  relative to the column's largest value. kappa is both principal curvatures; alpha is (14) of `kappa_scale`, or of the
-  curvature at the point. Points near a sharp edge or a jump of the curvature, and within two spacings of a boundary, are not compared.
-- **mean E**: the difference of `energy.mean`.
-- **step left**: `step_left` of the report, the largest of the seeds.
-- **reported / computed**: `step_left` of the report over the recomputed one, over all seeds.
-- **last sweep**: `rms_step` of the last sweep, for comparison. Its steps are over-relaxed by up to 2.6, and
-  particles that gain less than the tolerance do not move.
-
-{verdict}
-
-| surface | method | converged | normal | kappa | alpha | E_i | mean E | step left | reported / computed | last sweep |
-|---|---|---|---|---|---|---|---|---|---|---|
-"""
+    return [f"{case.name}: {way[0]}", case.name, way[0], len(outcomes), outcomes.count("converged"),
+            *(f"{v:.0e}" for v in (worst["normal"], bend, worst["alpha"], worst["energy"], mean)), f"{max(told):.1e}", f"{min(ratio):.2f}",
+            f"{max(ratio):.2f}", f"{max(r['rms_step'] for r in results):.1e}"]
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worker", default=EXAMPLES.parent / "build" / "hexad-worker", type=pathlib.Path)
-    parser.add_argument("--output", type=pathlib.Path, help="the page to write; otherwise it is printed")
+    parser.add_argument("--output", type=pathlib.Path, help="the CSV file to write")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--directory", type=pathlib.Path, help="meshes and level sets to look at, instead of the twelve surfaces")
     parser.add_argument("--only", help="surfaces whose name begins so")
@@ -425,15 +406,12 @@ def main():
                     results.append(found)
                     far += [f"{case.name}, {way[0]}, seed {seed}: {words}" for words in disagreements(found)]
                 lines.append(row(case, way, results))
-                print(lines[-1], file=sys.stderr, flush=True)
-    verdict = (f"**All reported and recomputed values of these {options.seeds * len(lines)} runs agree within "
-               f"{AGREE:.0%}.**" if not far else "**These differ by more than "
-               f"{AGREE:.0%}:**\n\n" + "\n".join(f"- {words}" for words in far))
-    page = PAGE.format(seeds=options.seeds, verdict=verdict) + "\n".join(lines) + "\n"
+                print(", ".join(f"{name} {value}" for name, value in zip(HEADER[1:], lines[-1][1:])), flush=True)
     if options.output:
-        options.output.write_text(page, encoding="utf-8")
-    else:
-        print(page, end="")
+        csv_results.write(options.output, HEADER, lines)
+    print(*far, sep="\n", end="\n" if far else "")
+    print(f"{options.seeds * len(lines)} runs: " + (f"{len(far)} figures differ by more than {AGREE:.0%}" if far else
+                                                    f"all reported and recomputed values agree within {AGREE:.0%}"))
     return 1 if far else 0
 
 

@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Resolves meshes with thin parts and close opposite walls, compares each mesh.ply with its input, and writes a table
-(measurements/meshes/features.md).
+"""Resolves meshes with thin parts and close opposite walls, compares each mesh.ply with its input, and writes a row
+for each mesh (measurements/meshes/features.csv).
 
-    measurements/meshes/features.py --worker build/hexad-worker --output measurements/meshes/features.md [--data DIRECTORY] [--only WORD ...]
+    measurements/meshes/features.py --worker build/hexad-worker --output measurements/meshes/features.csv
+                     [--data DIRECTORY] [--only WORD ...]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. All are resolved by one setting: `resolve` with what `feature` is by default.
-The page is written after each mesh, and the text below its table is kept. Ends with 1 when a bound is missed:
+The file is written after each mesh. Ends with 1 when a bound is missed:
 the outcome converged; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
 the least spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
 sampler.
 """
-import itertools
 import json
 import os
 import pathlib
@@ -28,6 +28,7 @@ from scipy.spatial import cKDTree
 sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[1] / folder) for folder in ("common", "inputs")]
 import inputs  # noqa: E402
 import meshes  # noqa: E402
+import results  # noqa: E402
 
 CASES = ("dragon_100k.obj", "scorpion_low.obj", "footbones.ply", "42400-IDGH.stl", "fertility.off", "high_genus13k.off",
          "gargoyle.off", "wingnut.obj", "rocker-arm.obj", "skull_low.obj")
@@ -154,50 +155,34 @@ def measure(given, report, result, spacing):
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
     return ((f"{report['count']}", True), (report["outcome"].replace("_", " "), report["outcome"] == "converged"),
             (f"{thin}", True), (f"{before.parts} of genus {before.genus:g}", True), (shape, whole),
-            (f"{angles.min():.1f}", True), (f"{100 * share:.2f} %", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
+            (f"{angles.min():.1f}", True), (f"{100 * share:.2f}", share >= SHARE), (f"{distance:.3f}", distance <= FARTHEST))
 
 
-HEAD = ("file", "least spacing, thousandths", "points", "outcome", "on thin walls", "parts of the input", "of mesh.ply",
-        "least angle", f"above {LEAST_ANGLE} degrees", "distance over feature size", "s")
+HEADER = ("mesh", "least_spacing_thousandths", "points", "outcome", "thin_points", "input_topology", "mesh_topology",
+          "least_angle_deg", f"percent_above_{LEAST_ANGLE}_deg", "distance_over_feature_size", "wall_s", "missed")
 
 
-def page(data, worker, only, show):
-    """Rows of the table, and how many bounds are missed; `show` is told after each."""
-    rows, bad = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)], 0
-    for name in CASES:
-        if only and not any(word in name for word in only):
-            continue
-        with tempfile.TemporaryDirectory() as where:
-            found = resolve(worker, data / "meshes" / name, pathlib.Path(where))
-        cells = measure(*found)
-        bad += sum(not good for _, good in cells)
-        longest = float(numpy.ptp(found[0].vertices, axis=0).max())
-        row = [name, f"{1000 * found[3] / longest:.2f}"] + [t if good else f"**{t}**" for t, good in cells]
-        rows.append("| " + " | ".join(row + [f"{found[1]['timing_s']['total']:.0f}"]) + " |")
-        show(rows, bad)
-    return bad
-
-
-def notes_of(path):
-    """The text below the first table of a page, which is written by hand."""
-    lines = path.read_text().splitlines() if path.exists() else []
-    before = next((k for k, line in enumerate(lines) if line.startswith("|")), len(lines))
-    return list(itertools.dropwhile(lambda line: line.startswith("|"), lines[before:]))
+def row(name, found, cells):
+    """A row of HEADER: the sides of the least spacing are relative to the longest side of the bounding box."""
+    longest = float(numpy.ptp(found[0].vertices, axis=0).max())
+    missed = [column for column, (_, good) in zip(HEADER[2:], cells) if not good]
+    return [name, f"{1000 * found[3] / longest:.2f}", *(text for text, _ in cells), f"{found[1]['timing_s']['total']:.0f}", " ".join(missed)]
 
 
 def main():
     options = inputs.arguments(inputs.parser_of(__doc__.splitlines()[0]))
-    output = pathlib.Path(options.output)
-    notes = notes_of(output)
-
-    def show(rows, bad):
-        """The page so far: a run that is cut short leaves the rows that it has."""
-        head = ["# Thin parts and close opposite walls", "",
-                "`make features` samples meshes with `sampling.resolve` and compares their `mesh.ply` with the input "
-                f"([features.py](features.py)). {bad} bounds are missed; they are set in bold.", ""]
-        output.write_text("\n".join(head + rows + notes) + "\n")
-        print(rows[-1], file=sys.stderr)
-    return 1 if page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only, show) else 0
+    worker, rows = os.path.abspath(options.worker), []
+    for name in CASES:
+        if options.only and not any(word in name for word in options.only):
+            continue
+        with tempfile.TemporaryDirectory() as where:
+            found = resolve(worker, pathlib.Path(options.data) / "meshes" / name, pathlib.Path(where))
+        rows.append(row(name, found, measure(*found)))
+        results.write(options.output, HEADER, rows)  # a run that is interrupted leaves the rows so far
+        print(*rows[-1], sep=", ", flush=True)
+    missed = [f"{name}: {columns}" for name, *_, columns in rows if columns]
+    print(f"{len(rows)} meshes, {len(missed)} of them miss bounds", *missed, sep="\n")
+    return 1 if missed else 0
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Samples meshes with graded spacing by two builds, and writes how well the points keep to the request
-(measurements/meshes/graded.md).
+(measurements/meshes/graded.csv).
 
-    measurements/meshes/graded.py --worker build/hexad-worker --reference OTHER/hexad-worker --output measurements/meshes/graded.md
+    measurements/meshes/graded.py --worker build/hexad-worker --reference OTHER/hexad-worker --output measurements/meshes/graded.csv
                     [--data DIRECTORY] [--only WORD ...] [--count 10000] [--seeds 1]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. Exponent and CV are computed here, for both builds in the same way,
@@ -24,6 +24,7 @@ import inputs  # noqa: E402
 import measure  # noqa: E402
 import meshes  # noqa: E402
 import patches  # noqa: E402
+import results  # noqa: E402
 
 MESHES = ("spot.obj", "fertility.off", "bunny_pmp.off", "armadillo.obj")
 RATIO = 10
@@ -92,26 +93,18 @@ def figures(worker, path, grading, members, options, work):
     return numpy.median(numpy.array(found, float), axis=0), ", ".join(sorted(outcomes))
 
 
-def row(name, grading, which, found, outcome):
-    return (f"| {name} | {grading} | {which} | {found[0]:.4f} | {found[1]:.4f} | {found[2]:.3f} | {found[3]:.3f} | "
-            f"{outcome} | {found[4]:.1f} |")
+HEADER = ("job", "mesh", "grading", "build", "exponent", "spacing_cv", "hex_fraction", "coverage", "outcome", "cpu_s", "missed")
 
 
-def write(output, lines, missed, options):
-    head = ["# Graded spacing on meshes", "",
-            f"Written by `measurements/meshes/graded.py`: {options.count} points, {options.seeds} seed(s), one thread, by this build "
-            "and by a reference build.", "",
-            f"- curvature: `sampling.curvature` with a ratio of {RATIO}",
-            f"- map: `sampling.grid`, a spacing that is {RATIO} times as wide at one end of the mesh as at the other",
-            "- amplitudes: `sampling.alpha` with the method `paper`", "",
-            "Exponent and CV compare the achieved spacing with the requested one ([report.md](../report.md#quality)) and are "
-            "computed from points.ply. Amplitudes request no spacing, so the achieved spacing is compared with a power law "
-            "of the amplitude. hex_fraction and coverage are the report's.", "",
-            f"Bounds: the exponent is within {EXPONENT} of 1, or of the reference's with amplitudes; the CV is at most {CV} "
-            f"above the reference's. Missed: {missed}.", "",
-            "| mesh | grading | build | exponent | CV | hex_fraction | coverage | outcome | CPU s |",
-            "|---|---|---|---|---|---|---|---|---|"]
-    pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
+def row(name, grading, build, found, outcome, missed):
+    return [f"{name} {grading} {build}", name, grading, build, f"{found[0]:.4f}", f"{found[1]:.4f}", f"{found[2]:.3f}", f"{found[3]:.3f}",
+            outcome, f"{found[4]:.1f}", " ".join(missed)]
+
+
+def missed_bounds(ours, theirs, grading):
+    """Names of the columns of this build that miss a bound."""
+    wanted = theirs[0] if grading == "amplitudes" else 1
+    return (["exponent"] if abs(ours[0] - wanted) > EXPONENT else []) + (["spacing_cv"] if ours[1] > theirs[1] + CV else [])
 
 
 def main():
@@ -120,7 +113,7 @@ def main():
     parser.add_argument("--count", type=int, default=10000)
     parser.add_argument("--seeds", type=int, default=1)
     options = inputs.arguments(parser)
-    lines, missed = [], 0
+    rows = []
     with tempfile.TemporaryDirectory() as scratch:
         work = pathlib.Path(scratch)
         made = patches.write(welded_torus(300, 150), work / "torus.off")
@@ -130,11 +123,12 @@ def main():
                     continue
                 ours, theirs = (figures(os.path.abspath(worker), path, grading, members, options, work)
                                 for worker in (options.worker, options.reference))
-                wanted = theirs[0][0] if grading == "amplitudes" else 1
-                missed += bool(abs(ours[0][0] - wanted) > EXPONENT or ours[0][1] > theirs[0][1] + CV)
-                lines += [row(path.name, grading, which, *found)
-                          for which, found in (("this", ours), ("reference", theirs))]
-                write(options.output, lines, missed, options)
+                rows += [row(path.name, grading, "this", *ours, missed_bounds(ours[0], theirs[0], grading)),
+                         row(path.name, grading, "reference", *theirs, [])]
+                results.write(options.output, HEADER, rows)
+                print(*rows[-2], sep=", ", flush=True)
+    missed = [row[0] for row in rows if row[-1]]
+    print(f"{len(rows) // 2} jobs, {len(missed)} of them miss bounds", *missed, sep="\n")
     return 1 if missed else 0
 
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Solves every mesh of a folder at several counts, with one worker or with two, and writes what the reports say, the CPU time and
-the memory (measurements/meshes/meshes.md).
+the memory (measurements/meshes/counts.csv).
 
-    measurements/meshes/mesh_results.py --worker build/hexad-worker [--reference WORKER] --data FOLDER --output measurements/meshes/meshes.md
-                          [--counts 10 200 ...] [--seed 1]
+    measurements/meshes/mesh_results.py --worker build/hexad-worker [--reference WORKER] --data FOLDER --output counts.csv
+                          [--summary by_count.csv] [--commit NAME] [--counts 10 200 ...] [--seed 1]
 
-One thread; defaults else. FOLDER has the meshes. Of the reference only CPU time and memory are told: reports of older versions measure
-other things.
+One thread; defaults else. FOLDER has the meshes. Of the reference only CPU time and memory are written: reports of older versions
+measure other quantities. The summary has a row for each count; --commit is the text of the last column.
 """
 import argparse
 import json
@@ -15,7 +15,11 @@ import os
 import pathlib
 import statistics
 import subprocess
+import sys
 import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
 
 SUFFIXES = (".obj", ".ply", ".off", ".stl")
 COUNTS = [10, 50, 200, 1000, 2000, 10000, 50000]
@@ -40,34 +44,45 @@ def solve(worker, mesh, count, seed):
         return result, used.ru_utime + used.ru_stime, result["peak_memory_bytes"] / 2 ** 20
 
 
-def number(x, digits):
-    return "" if x is None else f"{x:.{digits}g}"
+HEADER = ("job", "mesh", "points", "outcome", "criteria", "coverage", "missing_share", "close_share", "coincident", "min_spacing_ratio",
+          "hex_fraction", "cpu_s", "memory_mib", "reference_cpu_s", "reference_memory_mib", "commit")
+MEASURES = HEADER[5:11]
 
 
-def row(mesh, count, own, other):
-    if own[0] is None:
-        return f"| {mesh.name} | {count} | {own[1]} ||||||||||"
-    report, seconds, memory = own
-    quality = report["quality"]
-    criteria = ", ".join(r["criterion"] for r in report["outcome_reasons"])
-    cells = [mesh.name, str(count), report["outcome"] + (f" ({criteria})" if criteria else ""),
-             *(number(quality[name], 3) for name in ("coverage", "missing_share", "close_share")), str(quality["coincident"]),
-             *(number(quality[name], 3) for name in ("min_spacing_ratio", "hex_fraction")), f"{seconds:.2f}", f"{memory:.0f}"]
+def row(mesh, count, own, other, commit):
+    """A row of HEADER; the criteria of a job without a result are its error."""
+    cells = {"job": f"{mesh.name} {count}", "mesh": mesh.name, "points": count, "outcome": "error", "criteria": own[1], "commit": commit}
+    if own[0] is not None:
+        report, seconds, memory = own
+        cells |= {"outcome": report["outcome"], "criteria": " ".join(r["criterion"] for r in report["outcome_reasons"]),
+                  **{name: "" if report["quality"][name] is None else f"{report['quality'][name]:.3g}" for name in MEASURES},
+                  "cpu_s": f"{seconds:.2f}", "memory_mib": f"{memory:.0f}"}
     if other and other[0] is not None:
-        cells[-2] += f" / {other[1]:.2f}"
-        cells[-1] += f" / {other[2]:.0f}"
-    return "| " + " | ".join(cells) + " |"
+        cells |= {"reference_cpu_s": f"{other[1]:.2f}", "reference_memory_mib": f"{other[2]:.0f}"}
+    return [cells.get(name, "") for name in HEADER]
 
 
-def summary(results, counts):
-    """Ratios of CPU time and of memory for each count."""
-    lines = ["| points | CPU, median | largest | memory, median | largest |", "|---|---|---|---|---|"]
+SUMMARY = ("points", "jobs", "converged", "unresolved", "not_converged", "coverage_largest", "coverage_above_1", "close_share_above_0.01",
+           "coincident_jobs", "hex_fraction_least", "hex_fraction_median", "cpu_ratio_median",
+           "cpu_ratio_largest", "memory_ratio_median", "memory_ratio_largest")
+
+
+def summary(table, counts):
+    """Rows of SUMMARY, one for each count: numbers of jobs, and ratios to the reference."""
+    rows = []
     for count in counts:
-        pairs = [(own, other) for at, own, other in results if at == count and other and own[0] and other[0]]
-        if pairs:
-            cpu, memory = ([own[k] / other[k] for own, other in pairs] for k in (1, 2))
-            lines.append(f"| {count} | {statistics.median(cpu):.2f} | {max(cpu):.2f} | {statistics.median(memory):.2f} | {max(memory):.2f} |")
-    return lines
+        jobs = [dict(zip(HEADER, cells)) for cells in table if int(cells[2]) == count]
+        outcomes = [job["outcome"] for job in jobs]
+        values = {name: [float(job[name]) for job in jobs if job[name] != ""]
+                  for name in ("coverage", "close_share", "coincident", "hex_fraction")}
+        pairs = [job for job in jobs if job["cpu_s"] != "" and job["reference_cpu_s"] != ""]
+        ratios = [[float(job[name]) / float(job[f"reference_{name}"]) for job in pairs] for name in ("cpu_s", "memory_mib")]
+        rows.append([count, len(jobs), *(outcomes.count(name) for name in SUMMARY[2:5]), max(values["coverage"], default=""),
+                     sum(x > 1 for x in values["coverage"]), sum(x > 0.01 for x in values["close_share"]),
+                     sum(x > 0 for x in values["coincident"]), min(values["hex_fraction"], default=""),
+                     f"{statistics.median(values['hex_fraction'] or [0]):.3g}",
+                     *(f"{f(r):.2f}" if r else "" for r in ratios for f in (statistics.median, max))])
+    return rows
 
 
 def main():
@@ -76,27 +91,23 @@ def main():
     parser.add_argument("--reference")
     parser.add_argument("--data", required=True, type=pathlib.Path)
     parser.add_argument("--output", required=True, type=pathlib.Path)
+    parser.add_argument("--summary", type=pathlib.Path)
+    parser.add_argument("--commit", default="")
     parser.add_argument("--counts", type=int, nargs="+", default=COUNTS)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    meshes = sorted(p for p in args.data.iterdir() if p.suffix.lower() in SUFFIXES)
-    rows, results = [], []
-    for mesh in meshes:
+    table = []
+    for mesh in sorted(p for p in args.data.iterdir() if p.suffix.lower() in SUFFIXES):
         for count in args.counts:
             own = solve(args.worker, mesh, count, args.seed)
             other = solve(args.reference, mesh, count, args.seed) if args.reference else None
-            results.append((count, own, other))
-            rows.append(row(mesh, count, own, other))
-            print(rows[-1], flush=True)
-    text = ["# Meshes at several counts", "",
-            f"    measurements/meshes/mesh_results.py --worker WORKER --reference REFERENCE --data FOLDER --seed {args.seed}", "",
-            "Measures of the reports on real meshes with defaults and one thread. In CPU seconds and MB, the figure after the slash is that "
-            "of the reference, commit d10413d0.", ""]
-    if args.reference:
-        text += ["Ratios to the reference:", "", *summary(results, args.counts), ""]
-    text += ["| mesh | points | outcome | coverage | missing_share | close_share | coincident | min_spacing_ratio | hex_fraction | CPU s | MB |",
-             "|" + "---|" * 11, *rows]
-    args.output.write_text("\n".join(text) + "\n")
+            table.append(row(mesh, count, own, other, args.commit))
+            results.write(args.output, HEADER, table)
+            print(*table[-1], sep=", ", flush=True)
+    for cells in (SUMMARY, *summary(table, args.counts)):
+        print(*cells, sep=", ")
+    if args.summary:
+        results.write(args.summary, SUMMARY, summary(table, args.counts))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Samples open and sharp-edged surfaces, holds the points against the triangles, and writes a table
-(measurements/meshes/patches.md).
+"""Samples open and sharp-edged surfaces, holds the points against the triangles, and writes a row
+for each surface (measurements/meshes/patches.csv).
 
-    measurements/meshes/patches.py --worker build/hexad-worker --output measurements/meshes/patches.md [--data DIRECTORY] [--only WORD ...]
+    measurements/meshes/patches.py --worker build/hexad-worker --output measurements/meshes/patches.csv [--data DIRECTORY] [--only WORD ...]
                      [--seeds 5] [--count 10000] [--pictures DIRECTORY]
 
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. cases() says what is sampled; each figure is the median over the seeds, and
-the bounds are in BOUNDS. Ends with 1 when one is missed. Shares no code with the sampler; hex_fraction and the variations
+the bounds are AT_MOST and AT_LEAST. Ends with 1 when one is missed. Shares no code with the sampler; hex_fraction and the variations
 are the report's.
 """
 import dataclasses
@@ -28,6 +28,7 @@ import features  # noqa: E402
 import inputs  # noqa: E402
 import measure  # noqa: E402
 import meshes  # noqa: E402
+import results  # noqa: E402
 
 # Edges bent by more are sharp, radians.
 SHARP = 0.7
@@ -156,7 +157,7 @@ def as_it_is(path):
 
 
 def of_formula(name, surface, mesh):
-    return Case(f"{name}, formula", surface, mesh, SHARP_ON, {"features": True}, is_mesh=False)
+    return Case(f"{name} by formula", surface, mesh, SHARP_ON, {"features": True}, is_mesh=False)
 
 
 def of_shape(name, mesh, work, bounds, **members):
@@ -164,12 +165,12 @@ def of_shape(name, mesh, work, bounds, **members):
 
 
 def amplitudes(path, count):
-    return Case(f"{path.name}, amplitudes", of_file(path), meshes.read(path), ("off", "converged"),
+    return Case(f"{path.name} by amplitudes", of_file(path), meshes.read(path), ("off", "converged"),
                 {"sampling": {"count": count, "alpha": {"d": 2}}, "solver": {"method": "paper"}})
 
 
 def graded(name, path, mesh, count, work):
-    return Case(f"{name}, graded", of_file(path), mesh, ("off", "place", "graded"),
+    return Case(f"{name} graded", of_file(path), mesh, ("off", "place", "graded"),
                 {"sampling": {"count": count, "grid": write_map(mesh, work / "map.vdb")}})
 
 
@@ -187,8 +188,8 @@ def cases(data, work, count):
     for name, surface, mesh in (("cube", box, prism(SQUARE, lambda x, y: -1, lambda x, y: 1)),
                                 ("crossed cubes", {"union": [box, turned]}, prism(star(), lambda x, y: -1, lambda x, y: 1)),
                                 ("cut cylinder", cut, prism(circle(720), lambda x, y: -1.5, lambda x, y: 0.5 - y / 2))):
-        yield f"{name}, formula", lambda: of_formula(name, surface, mesh)
-        yield f"{name}, mesh", lambda: of_shape(f"{name}, mesh", mesh, work, SHARP_ON, features={})
+        yield f"{name} by formula", lambda: of_formula(name, surface, mesh)
+        yield f"{name} by mesh", lambda: of_shape(f"{name} by mesh", mesh, work, SHARP_ON, features={})
     spacing = measure.ideal_spacing(2, count)
     blade = prism(SQUARE, lambda x, y: -1, lambda x, y: 1)
     blade = meshes.Mesh(blade.vertices * [0.5, 0.05, 0.00005], blade.triangles)
@@ -199,15 +200,15 @@ def cases(data, work, count):
                                                                  for z in (0, 0.3 * spacing))))):
         yield name, lambda: of_shape(name, mesh, work, ON)
     bottle = joined(grid(klein, 160, 80))
-    yield "Klein bottle, features", lambda: of_shape("Klein bottle, features", bottle, work, ON, features={})
+    yield "Klein bottle with features", lambda: of_shape("Klein bottle with features", bottle, work, ON, features={})
     yield "blade", lambda: of_shape("blade", blade, work, ON, features={})
     yield "half flipped", lambda: of_shape("half flipped", flipped(meshes.read(folder / "spot.obj")), work, ON)
     for name in ("fandisk.off", "wingnut.obj", "cup.obj"):
-        yield f"{name}, amplitudes", lambda: amplitudes(folder / name, count)
+        yield f"{name} by amplitudes", lambda: amplitudes(folder / name, count)
     for name in ("busted.STL", "soup.stl"):
-        yield f"{name}, graded", lambda: graded(name, folder / name, meshes.read(folder / name), count, work)
+        yield f"{name} graded", lambda: graded(name, folder / name, meshes.read(folder / name), count, work)
     mesh = lambda: flipped(meshes.read(folder / "spot.obj"))  # noqa: E731
-    yield "half flipped, graded", lambda: graded("half flipped", write(mesh(), work / "shape.off"), mesh(), count, work)
+    yield "half flipped graded", lambda: graded("half flipped", write(mesh(), work / "shape.off"), mesh(), count, work)
 
 
 # ---- measures
@@ -307,56 +308,56 @@ def run(case, worker, count, seed, work):
     diagonal = float(numpy.linalg.norm(numpy.ptp(case.mesh.vertices, axis=0)))
     found = examine(case, report, measure.read_ply(work / "out" / "points.ply"), made, diagonal)
     found["cpu"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    found["unresolved"] = report["quality"]["thin_count"] / report["count"]
+    found["unresolved"] = 100 * report["quality"]["thin_count"] / report["count"]
     reasons = [reason["criterion"] for reason in report["outcome_reasons"]]
     return (report["outcome"].replace("_", " ") + (f" ({', '.join(reasons)})" if reasons else "")), found
 
 
 # ---- the table
 
-COLUMNS = (("unresolved", "on thin walls", ".2%"), ("off", "off the mesh, of the diagonal", ".0e"), ("place", "farthest place", ".2f"),
-           ("open", "along open edges", ".2f"), ("row", "from rows", ".2f"), ("hex", "hex", ".3f"), ("cv", "edge CV of curves", ".4f"),
-           ("graded", "grading CV", ".3f"), ("wrong", "wrong edges", "g"), ("hausdorff", "Hausdorff", ".2f"), ("cpu", "CPU s", ".1f"))
+COLUMNS = (("unresolved", "thin_percent", ".2f"), ("off", "off_mesh_per_diagonal", ".0e"), ("place", "coverage_spacings", ".2f"),
+           ("open", "open_edges_spacings", ".2f"), ("row", "sharp_edges_spacings", ".2f"), ("hex", "hex_fraction", ".3f"),
+           ("cv", "curve_edge_cv", ".4f"), ("graded", "grading_cv", ".3f"), ("wrong", "wrong_edges", "g"),
+           ("hausdorff", "hausdorff_spacings", ".2f"), ("cpu", "cpu_s", ".1f"))
+HEADER = ("surface", "outcome", *(name for _, name, _ in COLUMNS), "missed")
 
 
-def row(case, results):
-    """The cells, and how many bounds are missed."""
-    outcomes = [outcome for outcome, _ in results]
-    told = "; ".join(f"{outcomes.count(o)} {o}" for o in dict.fromkeys(outcomes))
-    good = [found for _, found in results if found]
-    bad = len(good) < len(results) or ("converged" in case.bounds and any(o != "converged" for o in outcomes))
-    cells, missed = [case.name, f"**{told}**" if bad else told], int(bad)
-    for name, _, form in COLUMNS:
-        values = [found[name] for found in good if found[name] is not None]
+def row(case, found):
+    """A row of HEADER: medians of the runs, and the names of the columns that miss a bound."""
+    outcomes = [outcome for outcome, _ in found]
+    counts = "; ".join(f"{outcomes.count(o)} {o}" for o in dict.fromkeys(outcomes))
+    good = [figures for _, figures in found if figures]
+    bad = len(good) < len(found) or ("converged" in case.bounds and any(o != "converged" for o in outcomes))
+    cells, missed = [case.name, counts], ["outcome"] if bad else []
+    for name, column, form in COLUMNS:
+        values = [figures[name] for figures in good if figures[name] is not None]
         if not values:
             cells.append("")
             continue
         value = float(numpy.median(values))
-        over = name in case.bounds and (value > AT_MOST[name] if name in AT_MOST else value < case.at_least)
-        missed += bool(over)
-        text = format(value, form)
-        cells.append(f"**{text}**" if over else text)
-    return cells, missed
+        if name in case.bounds and (value > AT_MOST[name] if name in AT_MOST else value < case.at_least):
+            missed.append(column)
+        cells.append(format(value, form))
+    return [*cells, " ".join(missed)]
 
 
-def page(options, say):
-    rows, missed = ["| " + " | ".join(("surface", "outcome", *(head for _, head, _ in COLUMNS))) + " |",
-                    "|---" * (len(COLUMNS) + 2) + "|"], 0
+def table(options):
+    """Rows of HEADER, each printed as soon as it is known."""
+    rows = []
     with tempfile.TemporaryDirectory() as where:
         work = pathlib.Path(where)
         for name, make in cases(pathlib.Path(options.data), work, options.count):
             if options.only and not any(word in name for word in options.only):
                 continue
             case = make()
-            results = [run(case, os.path.abspath(options.worker), options.count, seed, work) for seed in range(1, options.seeds + 1)]
-            if options.pictures and results[-1][1]:
+            found = [run(case, os.path.abspath(options.worker), options.count, seed, work) for seed in range(1, options.seeds + 1)]
+            if options.pictures and found[-1][1]:
                 pathlib.Path(options.pictures).mkdir(parents=True, exist_ok=True)
                 shutil.copy(work / "out" / "preview.png", pathlib.Path(options.pictures) / f"{case.name}.png")
-            cells, bad = row(case, results)
-            missed += bad
-            rows.append("| " + " | ".join(inputs.cell(c) for c in cells) + " |")
-            say(rows[-1])
-    return rows, missed
+            rows.append(row(case, found))
+            results.write(options.output, HEADER, rows)
+            print(*rows[-1], sep=", ", flush=True)
+    return rows
 
 
 def main():
@@ -365,17 +366,9 @@ def main():
     parser.add_argument("--count", type=int, default=10000)
     parser.add_argument("--pictures", help="a directory for the previews")
     options = inputs.arguments(parser)
-    rows, missed = page(options, lambda text: print(text, file=sys.stderr, flush=True))
-    head = ["# Open and sharp-edged surfaces", "",
-            f"`make patches` ([patches.py](patches.py)) samples open and sharp-edged surfaces with {options.count} points, one "
-            f"thread. Figures are medians of {options.seeds} seeds. {missed} bounds are missed; they are set in bold.", "",
-            "- All distances are in spacings, except `off the mesh`, which is relative to the diagonal.",
-            "- `farthest place` is the coverage of the surface, `along open edges` of edges of one triangle, `from rows` of sharp edges by "
-            "the points on curves. `hex` is the hex_fraction; `edge CV of curves` is that of the worst curve.",
-            "- `on thin walls` is the share of points within 1.2 spacings of an opposite wall.",
-            "- `wrong edges` counts the edges of `mesh.ply` that have one triangle, or three and more, where the input has no such edge.",
-            "- Amplitudes: the method `paper` with `alpha.d` 2. Graded: 5:1 by a painted map.", ""]
-    pathlib.Path(options.output).write_text("\n".join(head + rows) + "\n")
+    rows = table(options)
+    missed = [f"{name}: {columns}" for name, *_, columns in rows if columns]
+    print(f"{len(rows)} surfaces, {len(missed)} of them miss bounds", *missed, sep="\n")
     return 1 if missed else 0
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes typical mistakes of users with the built programs and writes a table of the messages (measurements/messages/messages.md).
+"""Makes typical mistakes of users with the built programs and writes the messages as CSV.
 
-    measurements/messages/mistakes.py --built build --output measurements/messages/messages.md
+    measurements/messages/mistakes.py --built build --output measurements/messages/messages.csv
     measurements/messages/mistakes.py --built build --only hexadctl
 
 A mistake is a command, a request or a file with an error, the result that it must have, and the object that the message must
 name. The program ends with 1 when a result differs, when a message does not name its object, or when it has neither an instruction
 nor the values that are accepted; a warning may say instead what the program does. Directories, ports and ids differ from run to run:
-the table has WORK, PORT and ID instead.
+the results have WORK, PORT and ID instead.
 """
 import argparse
 import contextlib
@@ -27,6 +27,10 @@ import sys
 import tempfile
 import threading
 import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+
+import results  # noqa: E402
 
 PATIENCE_S = 300
 ANYONE = "anyone-on-this-machine-may-submit-and-cancel"
@@ -563,19 +567,9 @@ def tls_port(world):
     return f"http://{world.tls}"
 
 
-# ---- the table
+# ---- the results
 
-HEAD = """# Messages of typical mistakes
-
-Each row is a mistake, made with the built programs: the exit status of the program or the status of the answer, the stable code, and
-the message. WORK is the directory with the files, PORT a port, ID the id of a job. A message that lists several faults has ` / ` between
-them.
-
-"""
-TITLES = {"worker": ("hexad-worker", "A spec is shown by the members that differ from a sphere with 100 points."),
-          "hexadctl": ("hexadctl", "The service has jobs that wait, since its queue is held, and one that is cancelled."),
-          "hexad": ("hexad", "The daemon, started beside one that runs."),
-          "REST": ("Requests", "Over the Unix socket, or with a token over TCP.")}
+COLUMNS = ["mistake", "made_by", "result", "message"]
 
 
 def faults_of(row, result, message):
@@ -591,24 +585,9 @@ def faults_of(row, result, message):
     return found
 
 
-def cell(text):
-    return text.replace("\n", "<br>").replace("|", "\\|").replace("<name>", "`<name>`")
-
-
-def table(made):
-    text = HEAD
-    for kind, (title, about) in TITLES.items():
-        rows = [(row, result, message) for row, result, message in made if row[0] == kind]
-        text += f"## {title}\n\n{about}\n\n| mistake | made by | result | message |\n|---|---|---|---|\n"
-        for row, result, message in rows:
-            text += f"| {cell(row[1])} | {code(row[2])} | {cell(result)} | {cell(message)} |\n"
-        text += "\n"
-    return text.rstrip("\n") + "\n"
-
-
-def code(text):
-    text = text.replace("|", "\\|").replace("\n", " ")
-    return f"`{text}`" if "`" not in text else f"`` {text} ``"
+def name_of(row):
+    """The program, and the mistake."""
+    return f"{row[0]}: {row[1]}"
 
 
 def all_rows():
@@ -631,7 +610,7 @@ def make_all(built, where, chosen=lambda row: True):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--built", required=True, help="the directory of the built programs")
-    parser.add_argument("--output", help="the page; without it, each mistake is printed")
+    parser.add_argument("--output", help="CSV file of the results; without it, each mistake is printed")
     parser.add_argument("--only", help="mistakes of this kind, or with this text in their names")
     chosen = parser.parse_args()
     made, faults = [], []
@@ -640,9 +619,9 @@ def main():
             made.append((row, result, message))
             faults += faults_of(row, result, message)
             if not chosen.output:
-                print(f"{row[0]}: {row[1]}: {row[2]}\n    {result}\n    {message}")
+                print(f"{name_of(row)}: {row[2]}\n    {result}\n    {message}")
     if chosen.output:
-        pathlib.Path(chosen.output).write_text(table(made))
+        results.write(chosen.output, COLUMNS, [[name_of(row), row[2], result, message] for row, result, message in made])
     print(f"{len(made)} mistakes, {len(faults)} faults", *faults, sep="\n", file=sys.stderr)
     return 1 if faults else 0
 

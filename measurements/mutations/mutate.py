@@ -3,7 +3,7 @@
 """Mutation test: puts small faults into the C code of src, one at a time, and runs the tests that execute the line.
 
     measurements/mutations/mutate.py map --build DIR --output map.json
-    measurements/mutations/mutate.py --build DIR --map map.json --count 150 --seed 1 --jobs 2 --output mutants.json [--page PAGE]
+    measurements/mutations/mutate.py --build DIR --map map.json --count 150 --seed 1 --jobs 2 --output mutants.json [--results FOLDER]
     measurements/mutations/mutate.py --build DIR --map map.json --survivors mutants.json --output sanitized.json
 
 `map` makes a traced build in DIR and records the lines of src that each unit test and each pytest test executes. The
@@ -30,9 +30,12 @@ import threading
 import time
 import zlib
 
-import executed_lines
-import mutants as faults
-from mutate_plugin import TIME_OVER
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+
+import executed_lines  # noqa: E402
+import mutants as faults  # noqa: E402
+import results  # noqa: E402
+from mutate_plugin import TIME_OVER  # noqa: E402
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 PYTEST = [sys.executable, "-B", "-m", "pytest", "-p", "no:cacheprovider", "-q", "--tb=short"]
@@ -748,84 +751,54 @@ class Campaign:
         self.save()
 
 
-# ---- the page
-
-def row(*cells):
-    return "| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |"
-
-
-def table(head, rows):
-    return [row(*head), "|" + "---|" * len(head), *(row(*r) for r in rows), ""]
-
+# ---- the results
 
 def counted(records):
-    """Executed mutants, found by the first tier, found by both, survived."""
+    """Executed mutants, found by the first tier, found by both, survived, not executed."""
     found = [r for r in records if r["result"] == "found"]
-    return [len(found) + sum(r["result"] == "survived" for r in records), sum(r["tier"] == "basic" for r in found), len(found),
-            sum(r["result"] == "survived" for r in records)]
+    number = lambda result: sum(r["result"] == result for r in records)  # noqa: E731
+    return [len(found) + number("survived"), sum(r["tier"] == "basic" for r in found), len(found), number("survived"), number("not executed")]
 
 
-def grouped(records, key):
+def grouped(records, title, key):
     groups = collections.defaultdict(list)
     for r in records:
         groups[key(r)].append(r)
-    return [(name, *counted(groups[name]), sum(r["result"] == "not executed" for r in groups[name])) for name in sorted(groups)]
-
-
-def code(text):
-    return f"`{text}`" if text else ""
+    return [[f"{title} {name}", *counted(groups[name])] for name in sorted(groups)]
 
 
 SINCE = "found since by "  # begins the reason of a survivor that a test finds which was added after the campaign
 
 
-def page(document, reasons, sanitized):
-    """The Markdown page. `sanitized`: the records of --survivors, by id."""
+def write_results(document, reasons, sanitized, folder):
+    """`reasons`: why a mutant survives, by id; `sanitized`: the records of --survivors, by id."""
     records = [sanitized[r["id"]] if r["result"] == "survived" and sanitized.get(r["id"], {}).get("result") == "found" else r
                for r in document["mutants"].values()]
     valid = [r for r in records if r["result"] in ("found", "survived", "not executed")]
-    executed, basic, both, survived = counted(valid)
-    share = lambda n: f"{n} ({100 * n / max(executed, 1):.0f} %)"  # noqa: E731
+    executed, basic, both, survived, unexecuted = counted(valid)
     invalid = collections.Counter(r["how"] for r in records if r["result"] == "invalid")
-    left_out = [name for name, (outcome, _) in document["baseline"].items() if outcome == "failed"]
-    since = sum(r["result"] == "survived" and reasons.get(r["id"], "").startswith(SINCE) for r in valid)
-    equivalent = sum(r["result"] == "survived" and reasons.get(r["id"], "").startswith("equivalent") for r in valid)
-    limited = sum(r["result"] == "survived" and bool(r["how"]) for r in valid)
-    lines = [
-        "# Mutation test", "",
-        "`make mutation` puts small faults into the C code of `src`, one at a time, and runs the tests that execute the changed",
-        "line until one fails. A fault that no test finds is listed below, with the reason. The faults are drawn at random, in",
-        f"proportion to the lines of each folder (seed {document['seed']}).", "",
-        "The first tier is what a change must pass: all unit tests and the tests without the marker `extended`. The second tier",
-        "has the other tests, and a build with AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, which alone finds",
-        f"most missing calls of `free`; it was used for {len(sanitized)} faults that survived without it. Tests that need a browser or",
-        "a cluster, fuzzing and the soak test are not run.", "",
-        *table(("faults", "number"), [
-            ("in lines that tests execute", executed), ("found by the first tier", share(basic)),
-            ("found by both tiers", share(both)), ("survived", share(survived)), ("of these equivalent", equivalent),
-            ("found by both tiers, with the tests that were added since", share(both + since)),
-            ("in lines that no test executes", sum(r["result"] == "not executed" for r in valid)),
-            ("drawn again: does not compile", invalid["does not compile"]),
-            ("drawn again: the compiler makes the same code", invalid["the same code"])]),
-        *([f"The tests of one fault were ended after {document['limit']:.0f} seconds; {limited} survivors were not tried by all tests "
-           "of their line.", ""] if limited else []),
-        *([f"Left out, since they fail without a fault: {', '.join(map(code, left_out))}.", ""] if left_out else []),
-        "## By folder", "",
-        *table(("folder", "executed", "found by the first tier", "found by both", "survived", "not executed"),
-               grouped(valid, lambda r: faults.folder_of(r["file"]))),
-        "## By kind of fault", "",
-        *table(("kind", "executed", "found by the first tier", "found by both", "survived", "not executed"),
-               grouped(valid, lambda r: r["operator"])),
-        "## Survivors", ""]
-    for title, result in (("", "survived"), ("Lines that no test executes:", "not executed")):
-        chosen = sorted((r for r in valid if r["result"] == result), key=lambda r: (r["file"], r["line"]))
-        if title and chosen:
-            lines += [title, ""]
-        if chosen:
-            lines += table(("place", "before", "after", "reason", "id"), [
-                (f"{r['file']}:{r['line']}", code(r["changes"][0]["before"]), code(r["changes"][0]["after"]),
-                 reasons.get(r["id"], r["how"] or ""), r["id"]) for r in chosen])
-    return "\n".join(lines).rstrip() + "\n"
+    survivors = [r for r in valid if r["result"] == "survived"]
+    begins = lambda text: sum(reasons.get(r["id"], "").startswith(text) for r in survivors)  # noqa: E731
+    share = lambda n: f"{100 * n / max(executed, 1):.0f}"  # noqa: E731
+    summary = [
+        ["in lines that tests execute", executed, ""], ["found by the first tier", basic, share(basic)],
+        ["found by both tiers", both, share(both)], ["survived", survived, share(survived)], ["of these equivalent", begins("equivalent"), ""],
+        ["found by both tiers, with the tests that were added since", both + begins(SINCE), share(both + begins(SINCE))],
+        ["in lines that no test executes", unexecuted, ""], ["drawn again: does not compile", invalid["does not compile"], ""],
+        ["drawn again: the compiler makes the same code", invalid["the same code"], ""],
+        ["tried in the build with sanitizers", len(sanitized), ""],
+        ["survivors that were not tried by all tests of their line", sum(bool(r["how"]) for r in survivors), ""],
+        ["tests left out, since they fail without a fault", sum(outcome == "failed" for outcome, _ in document["baseline"].values()), ""],
+        ["seed", document["seed"], ""], ["limit of the tests of one fault, s", f"{document['limit']:.0f}", ""]]
+    results.write(folder / "summary.csv", ["quantity", "number", "percent_of_executed"], summary)
+    results.write(folder / "counts.csv", ["group", "executed", "found_by_the_first_tier", "found_by_both", "survived", "not_executed"],
+                  [*grouped(valid, "folder", lambda r: faults.folder_of(r["file"])), *grouped(valid, "kind", lambda r: r["operator"])])
+    chosen = sorted((r for r in valid if r["result"] != "found"), key=lambda r: (r["result"] != "survived", r["file"], r["line"]))
+    results.write(folder / "survivors.csv", ["id", "executed", "place", "before", "after", "reason"], [
+        [r["id"], "yes" if r["result"] == "survived" else "no", f"{r['file']}:{r['line']}", r["changes"][0]["before"], r["changes"][0]["after"],
+         reasons.get(r["id"], r["how"] or "")] for r in chosen])
+    for row in summary:
+        print(*row, sep=", ")
 
 
 # ---- the command
@@ -865,10 +838,10 @@ def campaign_options(words):
     parser.add_argument("--only", type=lambda text: text.split(","), default=[], metavar="ID[,ID]", help="repeat these")
     parser.add_argument("--survivors", type=pathlib.Path, metavar="MUTANTS",
                         help="try what survived in these records, in a build with sanitizers")
-    parser.add_argument("--sanitized", type=pathlib.Path, metavar="MUTANTS", help="records of --survivors, for the page")
-    parser.add_argument("--page", type=pathlib.Path, help="Markdown page to write")
+    parser.add_argument("--sanitized", type=pathlib.Path, metavar="MUTANTS", help="records of --survivors, for the results")
+    parser.add_argument("--results", type=pathlib.Path, metavar="FOLDER", help="where to write summary.csv, counts.csv and survivors.csv")
     parser.add_argument("--reasons", type=pathlib.Path, help="JSON: why a mutant survives, by id")
-    parser.add_argument("--only-page", action="store_true", help="write the page of the records, run nothing")
+    parser.add_argument("--only-results", action="store_true", help="write the results of the records, run nothing")
     parser.add_argument("--list", action="store_true", help="print what is chosen, run nothing")
     add_compilers(parser)
     return parser.parse_args(words)
@@ -879,12 +852,12 @@ def main(words):
         Map(map_options(words[1:])).run()
         return
     options = campaign_options(words)
-    if not options.only_page:
+    if not options.only_results:
         Campaign(options).run()
-    if options.page and not options.list:
+    if options.results and not options.list:
         reasons = json.loads(options.reasons.read_text()) if options.reasons else {}
         sanitized = json.loads(options.sanitized.read_text())["mutants"] if options.sanitized else {}
-        options.page.write_text(page(json.loads(options.output.read_text()), reasons, sanitized))
+        write_results(json.loads(options.output.read_text()), reasons, sanitized, options.results)
 
 
 if __name__ == "__main__":

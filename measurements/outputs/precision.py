@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Samples a sphere of triangles at four distances from the origin, reads every output by readers that share no code with hexad, and
-writes a table of the largest error of a position over the spacing (measurements/outputs/precision.md).
+measures the largest error of a position over the spacing (measurements/outputs/README.md).
 
-    measurements/outputs/precision.py --worker build/hexad-worker --output measurements/outputs/precision.md
+    measurements/outputs/precision.py --worker build/hexad-worker --output measurements/outputs/precision.csv
 
 The spacing is 1. Positions are compared with those of the same job written as text of doubles. glTF: translations, rotations and floats
 of its nodes are composed in doubles; USD: xformOp:translate is added to the points in doubles; OpenVDB: the translation is read from the
@@ -24,7 +24,11 @@ import tempfile
 
 import numpy
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results  # noqa: E402
+
 OFFSETS = (0, 1e3, 1e6, 1e9)
+HEADER = ["output", "error_at_0", "error_at_1e3", "error_at_1e6", "error_at_1e9"]
 DIRECTION = numpy.array([1, -0.75, 0.5])
 RADIUS = 4
 BOUND = 1e-3
@@ -203,12 +207,11 @@ def main():
             worst = max(worst, *(rows[name][-1] for name in rows))
     assert math.isfinite(worst)
     titles = {"distance": "distance of the doubles from the triangles"}
-    lines = ["# Precision of outputs", "",
-             "`make precision` samples a sphere of triangles, radius 4, with a spacing of 1 at four distances from the origin. Each row has the",
-             "largest error of a position over the spacing, as read by readers of other projects (`measurements/outputs/precision.py`). The bound is 1e-3.",
-             "", "| output | " + " | ".join(f"{offset:g}" for offset in OFFSETS) + " |", "|---" * (1 + len(OFFSETS)) + "|"]
-    lines += [f"| {titles.get(name, name)} | " + " | ".join(f"{value:.1e}" for value in row) + " |" for name, row in rows.items()]
-    options.output.write_text("\n".join(lines) + "\n")
+    lines = [[titles.get(name, name), *(f"{value:.1e}" for value in row)] for name, row in rows.items()]
+    results.write(options.output, HEADER, lines)
+    for line in lines:
+        print(", ".join(f"{name} {value}" for name, value in zip(HEADER, line)))
+    print(f"largest error {worst:.1e}, bound {BOUND:g}")
     return int(worst > BOUND)
 
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Compares samplings of surfaces whose walls are thinner than the spacing with sample elimination on the same surface
-(measurements/packing/coarse.md).
+(measurements/packing/README.md).
 
-    measurements/packing/coarse.py --worker build/hexad-worker --output measurements/packing/coarse.md [--data DIRECTORY] [--only WORD ...]
+    measurements/packing/coarse.py --worker build/hexad-worker --output measurements/packing/coarse.csv [--data DIRECTORY] [--only WORD ...]
 
 DIRECTORY, or HEXAD_SHARED, has the folder vdb. Sample elimination is Yuksel's (2015), weighted, with the paper's constants, in
 space: it takes FACTOR times the points, spread at random over the surface. These are of a job with DENSE points, of which each
@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[1] / folder) for folder in ("common", "inputs")]
 import inputs  # noqa: E402
 import measure  # noqa: E402
+import results  # noqa: E402
 
 # file and isovalue
 CASES = (("wdas_cloud_sixteenth.vdb", 0.3232), ("smoke1_half.vdb", 2.85742), ("blender_smoke_000002.vdb", 0.436),
@@ -33,6 +34,8 @@ ALPHA, BETA, GAMMA = 8, 0.65, 1.5
 SLACK = 1.1
 # Over the spacing: pairs of facing sheets that are counted.
 NEAR = 0.6
+HEADER = ["row", "file", "sampler", "least_distance", "least_distance_within_wall", "nearest_cv", "edge_cv", "area_cv", "coverage_of_999_of_1000",
+          "coverage", "facing_pairs", "facing_pairs_by_chance", "outcome", "cpu_s"]
 
 
 def run(worker, surface, count, where):
@@ -94,7 +97,7 @@ def facing(position, normal, h, dense):
 
 
 def rows(worker, data, name, isovalue):
-    """Lines of the table, and whether the bounds are kept."""
+    """Rows of the CSV, and whether the bounds are met."""
     surface = {"path": str(data / "vdb" / name), "isovalue": isovalue}
     if name.startswith(("nebula", "monkey")):
         surface["grid"] = "density"
@@ -110,9 +113,8 @@ def rows(worker, data, name, isovalue):
         both.append(figures(position, normal, area, dense.position))
         found, chance = facing(position, normal, measure.ideal_spacing(area, COUNT), dense)
         crossing.append(found <= chance)
-        told = f"{found} / {chance:.0f} | "
-        told += f"{report['outcome'].replace('_', ' ')} | {spent:.1f}" if which == "hexad" else " | "
-        lines.append(f"| {name} | {which} | " + " | ".join(f"{f:.3f}" for f in both[-1]) + f" | {told} |")
+        lines.append([f"{name} {which}", name, which, *(f"{f:.3f}" for f in both[-1]), found, f"{chance:.0f}",
+                      *([report["outcome"], f"{spent:.1f}"] if which == "hexad" else [None, None])])
     mine, theirs = both
     good = mine[1] * SLACK >= theirs[1] and mine[3] <= theirs[3] * SLACK and mine[5] <= theirs[5] * SLACK
     return lines, good and crossing[0]
@@ -127,15 +129,9 @@ def main():
         found, good = rows(os.path.abspath(options.worker), pathlib.Path(options.data), name, isovalue)
         lines += found
         bad += not good
-        print("\n".join(found), file=sys.stderr)
-    head = ["# Walls thinner than the spacing", "",
-            f"`measurements/packing/coarse.py` samples clouds and smoke with {COUNT} points, which are too few to separate opposite walls. For comparison, "
-            f"Yuksel's sample elimination (2015) selects {COUNT} of {FACTOR * COUNT} random points. Lengths are in spacings of the ideal packing. "
-            f"Coverage is computed at the {DENSE} points of another job; it is large at specks that are too small for a point of their own. "
-            f"Missed bounds: {bad}.", "",
-            "| file | points of | least distance | min_spacing_ratio | CV of nearest | edge_cv | area_cv | coverage but for .1 % | coverage | facing pairs below .6 / by chance | outcome | CPU s |",
-            "|---|---|---|---|---|---|---|---|---|---|---|---|"]
-    pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
+        print(*(", ".join(f"{name} {value}" for name, value in zip(HEADER[1:], row[1:])) for row in found), sep="\n", flush=True)
+    results.write(options.output, HEADER, lines)
+    print(f"missed bounds: {bad}")
     return 1 if bad else 0
 
 

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the cases of quality.json and writes what was measured as a table (measurements/packing/quality.md).
+"""Runs the cases of quality.json and measures their points (measurements/packing/README.md).
 
-    measurements/packing/quality.py --worker build/hexad-worker --output measurements/packing/quality.md [--case NAME ...] [--long] [--seeds N]
+    measurements/packing/quality.py --worker build/hexad-worker --output measurements/packing/quality.csv [--case NAME ...] [--long] [--seeds N]
 
-Every figure comes from points.ply, the spec and an area that is a closed form or an integral of our own
-(measure.py, surfaces.py, meshes.py); report.json is only held against them. A case whose feature is not built,
-or whose data are not there, says so. Ends with 1 when a measure differs from the report by more than it may, or
-misses its bound; the page is written all the same. HEXAD_SHARED: directory of the data from outside.
+Every figure is computed from points.ply, the spec and an area that is a closed form or an integral of the program
+(measure.py, surfaces.py, meshes.py); report.json is only compared with them. The CSV has the median over the seeds, half of
+their range, and the faults of each case. The fault of a case whose feature is not built, or whose data are missing, is the
+reason. Ends with 1 when a measure differs from the report by more than its tolerance, or misses its bound; the file is
+written in both cases. HEXAD_SHARED: directory of the data from outside.
 """
 import argparse
 import collections
@@ -17,7 +18,6 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import textwrap
 
 import numpy
 from scipy.sparse import coo_matrix, csgraph
@@ -27,6 +27,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import levelsets  # noqa: E402
 import measure  # noqa: E402
 import meshes  # noqa: E402
+import results  # noqa: E402
 import surfaces  # noqa: E402
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -40,8 +41,6 @@ LOST_VOXELS = 1.5  # off a mesh: its level set rounds a knife's edge by up to a 
 CREASE_COSINE = 0.7
 # Share of close points, as counted here, from which on the outcome must be `unresolved`; else it must be `converged`.
 CLOSE = 0.01
-# How a row is told when all of it is well.
-FINE = "meets all"
 
 
 class Unavailable(Exception):
@@ -313,58 +312,29 @@ def compare(case, middle, others):
     return wrong
 
 
-# ---- the page
+# ---- the results
 
-HEAD = """# Quality, measured
-
-`make quality` writes this page; do not edit it. Each row is one case of [quality.json](quality.json). A figure is
-the median over the seeds; the figure after ± is half of the range. [measure.py](measure.py), which shares no code with the
-sampler, computes the measures of [report.md](../report.md#quality) from `points.ply`, the spec and an area that is a closed form or an integral.
-
-- `area` is the relative difference of the report's area. `differences` has the largest differences of edge_cv, area_cv and
-  energy_excess from the report over all seeds. They are relative to the report for edge_cv and energy_excess (bound 2 %) and absolute for
-  area_cv (bound .01, 1 %: cells are flat here, and lie on the surface in the report). Counts agree exactly unless the row has a difference.
-- `outcome` must be `converged` if at most 1 % of the points are close to another point, and `unresolved` otherwise.
-
-"""
-COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{:.4f}"),
-           ("area_cv", "area_cv", "{:.4f}"), ("energy_excess", "energy_excess %", "{:.3f}"),
-           ("min_spacing_ratio", "min spacing", "{:.3f}"), ("max_residual", "residual / h", "{:.0e}"),
-           ("lost", "lost", "{:.0f}"), ("euler", "euler", "{:.4g}"))
-MORE = (("grading_cv", "grading CV {:.4f}"), ("grading_exponent", "exponent {:.4f}"),
-        ("spacing_ratio", "requested spacing {:.1f}:1"), ("spacing_error", "from its formula {:.2g}"),
-        ("close_share", "close {:.1%}"),
-        ("outside", "outside {:.0f}"), ("rim_gap", "rim gap {:.2f} h"), ("other_side", "on the other side {:.0f}"),
-        ("crease_gap", "crease gap {:.2f} local spacings"), ("parts", "parts {:.0f}"),
-        ("empty_parts", "empty {:.0f}"), ("share_error", "share error {:.2f} of the allowed"))
+SPREAD = (("hex_fraction", "{:.4f}"), ("edge_cv", "{:.4f}"), ("area_cv", "{:.4f}"), ("energy_excess_percent", "{:.3f}"),
+          ("min_spacing_ratio", "{:.3f}"), ("euler", "{:.4g}"))  # with half of the range
+SINGLE = (("max_residual", "{:.0e}"), ("lost", "{:.0f}"), ("area_error", "{:.0e}"), ("close_share", "{:.4f}"), ("grading_cv", "{:.4f}"),
+          ("grading_exponent", "{:.4f}"), ("spacing_ratio", "{:.1f}"), ("spacing_error", "{:.2g}"), ("outside", "{:.0f}"), ("rim_gap", "{:.2f}"),
+          ("other_side", "{:.0f}"), ("crease_gap", "{:.2f}"), ("parts", "{:.0f}"), ("empty_parts", "{:.0f}"), ("share_error", "{:.2f}"))
+GRADED = ("grading_cv", "grading_exponent", "spacing_ratio", "spacing_error")
+HEADER = ["case", "points", "outcome", *(name + end for name, _ in SPREAD for end in ("", "_half_range")), *(name for name, _ in SINGLE),
+          *(f"{name}_difference_percent" for name in CONFIRMED), "faults"]
 
 
-def cell(middle, name, form):
-    factor = 100 if name == "energy_excess" else 1
-    value, half = middle[name]
-    if value != value:
-        return ""
-    text = form.format(factor * value)
-    # the residual is rounding, and its spread nothing
-    return text if name in ("lost", "max_residual") or half == 0 else f"{text} ± " + form.format(factor * half)
-
-
-def table_line(case, rows, wrong):
+def result(case, rows, wrong):
+    """A row of the CSV."""
     middle = medians(rows)
+    middle["energy_excess_percent"] = [100 * v for v in middle["energy_excess"]]
     largest, _ = differences(rows)
-    told = ", ".join(f"{100 * v:.2f}" for v in largest.values() if v == v)
-    more = [text.format(middle[name][0]) for name, text in MORE
-            if name in middle and interesting(case, name, middle)]
-    cells = [case["name"], f"{rows[0]['count']}", outcomes(rows), *(cell(middle, name, form) for name, _, form in COLUMNS),
-             f"{middle['area_error'][0]:+.0e}", told + " %", "; ".join(more), "; ".join(wrong) or FINE]
-    return "| " + " | ".join(cells) + " |"
 
-
-def interesting(case, name, middle):
-    if name == "close_share":
-        return middle[name][0] > 0
-    graded = "curvature" in case["sampling"]
-    return graded if name in ("grading_cv", "grading_exponent", "spacing_ratio", "spacing_error") else True
+    def text(name, form, which=0):
+        known = name in middle and middle[name][0] == middle[name][0] and (name not in GRADED or "curvature" in case["sampling"])
+        return form.format(middle[name][which]) if known else None
+    return [case["name"], rows[0]["count"], outcomes(rows), *(text(name, form, which) for name, form in SPREAD for which in (0, 1)),
+            *(text(name, form) for name, form in SINGLE), *(f"{100 * v:.2f}" if v == v else None for v in largest.values()), "; ".join(wrong)]
 
 
 def arguments():
@@ -386,8 +356,7 @@ def main():
     options = arguments()
     with open(options.cases, encoding="utf-8") as file:
         table = json.load(file)
-    names = ["surface", "points", "outcome", *(title for _, title, _ in COLUMNS), "area", "differences", "more", "bounds"]
-    lines = ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
+    lines = []
     faults, others, truths = [], {}, {}
     with tempfile.TemporaryDirectory() as scratch:
         for case in table["cases"]:
@@ -400,14 +369,13 @@ def main():
                 others[case["name"]] = medians(rows)
                 wrong = (judge(case, rows, table["bounds"]) + differences(rows)[1] +
                          compare(case, others[case["name"]], others))
-                lines.append(table_line(case, rows, wrong))
+                lines.append(result(case, rows, wrong))
                 faults += [f"{case['name']}: {w}" for w in wrong]
             except Unavailable as why:
-                lines.append(f"| {case['name']} | {case['sampling'].get('count', '')} |" +
-                             " |" * (len(names) - 3) + f" {why} |")
-            print(lines[-1], file=sys.stderr)
-    notes = [line for note in table.get("notes", ()) for line in ("", textwrap.fill(note, 125))]
-    options.output.write_text(HEAD + "\n".join(lines + notes) + "\n", encoding="utf-8")
+                lines.append([case["name"], case["sampling"].get("count"), *[None] * (len(HEADER) - 3), str(why)])
+            print(*(f"{name} {value}," for name, value in zip(HEADER, lines[-1]) if value not in (None, "")), flush=True)
+    results.write(options.output, HEADER, lines)
+    print(f"{len(lines)} cases, {len(faults)} faults")
     for fault in faults:
         print(f"quality: {fault}", file=sys.stderr)
     return 1 if faults else 0

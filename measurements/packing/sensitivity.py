@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what each number of the schedules does: the effect of doubling and of halving it (measurements/packing/sensitivity.md).
+"""Measures what each number of the schedules does: the effect of doubling and of halving it (measurements/packing/README.md).
 
-    measurements/packing/sensitivity.py --build build [--output measurements/packing/sensitivity.md] [--only NAME ...] [--jobs 2]
+    measurements/packing/sensitivity.py --build build [--output measurements/packing/sensitivity.csv] [--only NAME ...] [--jobs 2]
                          [--no-cpu]
 
 For each number of src/sampling/solver/schedule.c, the program makes a worker from a copy of the sources and their build (a folder of the
 sources, configured as ../configure) in which only this number is different in all schedules, and runs the same jobs with it and
-with the worker of the build. All surfaces are generated. A cell
-names the cases whose result changes: hex_fraction (hex), edge_cv (cv), coverage, the work, which is the number of updates of
-particles and has no noise, and the CPU time if the work does not explain it. Changes that another seed makes as well are left out.
+with the worker of the build. All surfaces are generated. The CSV has a row for each number, change (doubled or halved) and case whose
+result changes: hex_fraction, edge_cv, coverage, the work, which is the number of updates of particles and has no noise, and the CPU
+time if the work does not explain it. Changes that another seed makes as well are left out; a change without an effect has one
+row with the case "all cases". FILE_cases.csv beside it has the measures of the cases without a change.
 """
 import argparse
 import concurrent.futures
@@ -24,15 +25,14 @@ import tempfile
 
 import numpy
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import results as csv_results  # noqa: E402
+
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 SCHEDULE = "src/sampling/solver/schedule.c"
 SEEDS = (1, 2, 3)
 RESULTS = (0, 10, 11)
-EXPLANATION = """
-*hex* is the change of hex_fraction, the share of points with six neighbours; *cv* and *coverage* are changes of edge_cv and coverage in per cent; *work* is a
-ratio. Points without six neighbours above `defects_least` bring extra sweeps: a case near this limit changes its work by a factor of 2.5 with many numbers
-(graded torus, rough mesh). Levels of more than 20 000 points are not among the cases, and `paper` has a single level.
-"""
+HEADER = ["row", "number", "change", "case", "hex_fraction_change", "edge_cv_change_percent", "coverage_change_percent", "work_ratio", "cpu_ratio"]
 # Below these a change is no larger than that of another seed.
 HEX_NOISE, CV_NOISE, COVERAGE_NOISE, WORK_NOISE, CPU_NOISE = 0.004, 0.03, 0.03, 0.02, 0.1
 
@@ -136,24 +136,30 @@ def results(pool, worker, all_cases):
 
 
 def effect(before, after, with_cpu):
-    """A change in words, between lists of results of the same seeds; empty: within the noise."""
+    """The last five cells of a row, between lists of results of the same seeds; None: within the noise."""
     if any(a is None for a in after):
-        return "an error"
+        return ["no result"] * 5
     before, after = numpy.array(before), numpy.array(after)
     (hexagons, cv, coverage, work, cpu), (hexagons_now, cv_now, coverage_now, work_now, cpu_now) = before.mean(0), after.mean(0)
     noise = before.std(0, ddof=1)
-    parts = []
+    cells = [None] * 5
     if abs(hexagons_now - hexagons) > max(HEX_NOISE, noise[0]):
-        parts.append(f"hex {hexagons_now - hexagons:+.3f}")
+        cells[0] = f"{hexagons_now - hexagons:.3f}"
     if abs(cv_now / cv - 1) > max(CV_NOISE, noise[1] / cv):
-        parts.append(f"cv {100 * (cv_now / cv - 1):+.0f} %")
+        cells[1] = f"{100 * (cv_now / cv - 1):.0f}"
     if abs(coverage_now / coverage - 1) > max(COVERAGE_NOISE, noise[2] / coverage):
-        parts.append(f"coverage {100 * (coverage_now / coverage - 1):+.0f} %")
+        cells[2] = f"{100 * (coverage_now / coverage - 1):.0f}"
     if abs(work_now / work - 1) > max(WORK_NOISE, noise[3] / work):
-        parts.append(f"work {work_now / work:.2f}")
+        cells[3] = f"{work_now / work:.2f}"
     elif with_cpu and abs(cpu_now / cpu - 1) > max(CPU_NOISE, noise[4] / cpu):
-        parts.append(f"CPU {cpu_now / cpu:.2f}")
-    return ", ".join(parts)
+        cells[4] = f"{cpu_now / cpu:.2f}"
+    return cells
+
+
+def rows_of(number, change, effects):
+    """Rows of the CSV, of the effects on each case by name."""
+    changed = {case: cells for case, cells in effects.items() if any(cells)} or {"all cases": [None] * 5}
+    return [[f"{number} {change} {case}", number, change, case, *cells] for case, cells in changed.items()]
 
 
 def numbers(text):
@@ -219,29 +225,20 @@ def main():
         failed = [name for name, found in base.items() if None in found]
         if failed:
             raise SystemExit(f"no result without a change: {', '.join(failed)}")
-        lines = ["# What the numbers of the schedules do", "",
-                 "Written by `make sensitivity` ([sensitivity.py](sensitivity.py) says how): each number of "
-                 "`src/sampling/solver/schedule.c` is doubled and halved in all schedules. Changes of `hex_fraction` below "
-                 f"{HEX_NOISE}, of `edge_cv` and coverage below {100 * CV_NOISE:.0f} %, of the work (updates of particles) below "
-                 f"{100 * WORK_NOISE:.0f} %, {'' if options.no_cpu else f'of the CPU time below {100 * CPU_NOISE:.0f} %, '}and all below the standard deviation of the seeds are left out. Means of {len(SEEDS)} seeds.", "",
-                 "| without a change | points | hex_fraction | edge_cv | coverage |", "|---|---:|---:|---:|---:|"]
-        for name, found in base.items():
-            means = numpy.mean(found, axis=0)
-            lines.append(f"| {name} | {all_cases[name][1]['count']} | {means[0]:.3f} | {means[1]:.3f} | {means[2]:.3f} |")
-        lines += ["", "| number | doubled | halved |", "|---|---|---|"]
+        lines = []
         for number in numbers(builds.text):
             if options.only and not number.startswith(tuple(options.only)):
                 continue
-            cells = []
-            for factor in (2, 0.5):
+            for change, factor in (("doubled", 2), ("halved", 0.5)):
                 worker = builds.worker("changed", scaled(builds.text, number, factor))
                 found = results(pool, worker, all_cases)
-                told = [(case, effect(base[case], found[case], not options.no_cpu)) for case in all_cases]
-                cells.append("; ".join(f"{case}: {what}" for case, what in told if what) or "no change")
-            lines.append(f"| `{number}` | {cells[0]} | {cells[1]} |")
-            print(lines[-1], flush=True)
+                lines += rows_of(number, change, {case: effect(base[case], found[case], not options.no_cpu) for case in all_cases})
+                print(*(row[0] for row in lines if row[1:3] == [number, change]), sep="\n", flush=True)
     if options.output:
-        options.output.write_text("\n".join(lines) + "\n" + EXPLANATION)
+        means = [[name, all_cases[name][1]["count"], *(f"{v:.3f}" for v in numpy.mean(found, axis=0)[:3])] for name, found in base.items()]
+        csv_results.write(options.output, HEADER, lines)
+        csv_results.write(options.output.with_name(f"{options.output.stem}_cases.csv"), ["case", "points", "hex_fraction", "edge_cv", "coverage"],
+                          means)
 
 
 if __name__ == "__main__":

@@ -3,10 +3,10 @@
 """A daemon under mixed load for long: what a job costs it, and what it holds, at the end as after the first tenth.
 
     measurements/reliability/soak.py --built BUILD [--minutes 60] [--more 10000] [--rate 4] [--followers 100] [--untimed] [--seed 1]
-                  [--page measurements/reliability/soak.md] [--figures soak.json] [--place DIRECTORY]
+                  [--output measurements/reliability/soak.csv] [--figures soak.json] [--place DIRECTORY]
 
-Prints a line for each tenth, then all of them and the verdicts; writes the figures as JSON and, after a whole run, the
-page. --more: jobs that are in the queue at the end and wait; by default as many of 10 000 as the minutes are of an hour.
+Prints a line for each tenth, then all of them and the verdicts. Writes the figures as JSON and, after a whole run, the verdicts to
+--output and the tenths to a file beside it (soak_tenths.csv). --more: jobs that are in the queue at the end and wait; by default as many of 10 000 as the minutes are of an hour.
 --rate: jobs a second that run. --untimed: neither processor time nor latencies are judged. SIGINT or SIGTERM ends the run at
 once; what is whole of it is still judged and printed. Ends with 1 when a verdict is missed, else with 2 when it was
 broken off.
@@ -33,8 +33,9 @@ import threading
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests" / "service"))
+sys.path[:0] = [str(HERE.parents[1] / "tests" / "service"), str(HERE.parent / "common")]
 
+import results  # noqa: E402
 import verdicts  # noqa: E402
 from service import PATIENCE_S, Service, UnixConnection, cpu_seconds, long_sphere  # noqa: E402
 
@@ -470,7 +471,7 @@ class Soak:
         part |= self.levels()
         self.parts.append(part)
         print(f"tenth {len(self.parts)}: " + ", ".join(
-            f"{title} {form.format(part[key])}" for key, title, form in verdicts.COLUMNS), flush=True)
+            f"{name} {form.format(part[key])}" for key, name, form in verdicts.COLUMNS), flush=True)
 
     def latencies(self, began, took):
         """Of submit, status and list: the median of all, and that of the slices' 99th percentiles."""
@@ -542,7 +543,7 @@ def main():
     parser.add_argument("--followers", type=float, default=100)
     parser.add_argument("--untimed", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE / "soak.md")
+    parser.add_argument("--output", type=pathlib.Path, default=HERE / "soak.csv")
     parser.add_argument("--figures", type=pathlib.Path, default=pathlib.Path("soak.json"))
     parser.add_argument("--place", type=pathlib.Path, default=None)
     options = parser.parse_args()
@@ -564,12 +565,15 @@ def main():
     options.figures.write_text(json.dumps(
         {"about": told, "whole": whole, "parts": soak.parts, "answers": soak.tally.answers, "faults": soak.tally.faults,
          "verdicts": [v._asdict() for v in judged]}, indent=1) + "\n")
-    print("\n" + (verdicts.table_of_parts(soak.parts) if soak.parts else "") + "\n" + verdicts.table_of_verdicts(judged))
+    tenths, found = verdicts.rows_of_parts(soak.parts), [*verdicts.rows_of_verdicts(judged), *verdicts.rows_about(told)]
+    for row in (verdicts.PART_NAMES, *tenths, verdicts.VERDICT_NAMES, *found):
+        print(*row, sep=", ")
     missed = any(v.met is False for v in judged)
     if not whole:
-        print("broken off: no page was written")
+        print("broken off: no results were written")
         return 1 if missed else 2
-    options.page.write_text(verdicts.page(told, soak.parts, judged))
+    results.write(options.output, verdicts.VERDICT_NAMES, found)
+    results.write(options.output.with_name(f"{options.output.stem}_tenths.csv"), verdicts.PART_NAMES, tenths)
     return 1 if missed else 0
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What soak.py has measured, a row for each tenth of a run: the verdicts over them, the table, and the page.
+"""What soak.py has measured, a row for each tenth of a run: the verdicts over them, and the rows of the results.
 
-A level is what the daemon holds when a tenth has ended, nothing runs and nobody is connected but the one who looks. The
+A level is what the daemon holds when a tenth has ended, nothing runs and no other client is connected. The
 first tenth is for warming up: levels at its end are held against those at the run's end, and the cost and the latencies of
 the second tenth against those of the last.
 """
@@ -24,13 +24,16 @@ MEMORY_OF_JOB = 256
 HALF_BASE, HALF_OF_JOB, HALF_JOBS = 2 << 20, 128, 5000
 FEWEST_PARTS = 3
 
-COLUMNS = (("jobs", "jobs ended", "{:d}"), ("held", "in the queue", "{:d}"), ("events", "events", "{:d}"),
-           ("followers", "followers", "{:d}"), ("cpu_s", "CPU s", "{:.2f}"), ("cpu_ms_a_job", "CPU ms a job", "{:.2f}"),
-           ("yardstick_ms", "yardstick ms", "{:.2f}"), ("cost", "cost of a job", "{:.3f}"),
-           ("rss_mb", "RSS MiB", "{:.1f}"), ("anonymous_mb", "private MiB", "{:.1f}"),
-           ("descriptors", "descriptors", "{:d}"), ("threads", "threads", "{:d}"), ("database_mb", "database MiB", "{:.1f}"),
-           *((f"{what}_{which}", f"{what} {name} ms", "{:.2f}") for what in ("submit", "status", "list")
-             for which, name in (("p50_ms", "median"), ("p99_ms", "99 %"))))
+# of a tenth: the key of the figure, the name of the column, the form
+COLUMNS = (("jobs", "jobs_ended", "{:d}"), ("held", "in_the_queue", "{:d}"), ("events", "events", "{:d}"),
+           ("followers", "followers", "{:d}"), ("cpu_s", "cpu_s", "{:.2f}"), ("cpu_ms_a_job", "cpu_ms_a_job", "{:.2f}"),
+           ("yardstick_ms", "yardstick_ms", "{:.2f}"), ("cost", "cost_of_a_job", "{:.3f}"),
+           ("rss_mb", "rss_mib", "{:.1f}"), ("anonymous_mb", "private_mib", "{:.1f}"),
+           ("descriptors", "descriptors", "{:d}"), ("threads", "threads", "{:d}"), ("database_mb", "database_mib", "{:.1f}"),
+           *((f"{what}_{which}_ms", f"{what}_{name}_ms", "{:.2f}") for what in ("submit", "status", "list")
+             for which, name in (("p50", "median"), ("p99", "p99"))))
+PART_NAMES = ["tenth", *(name for _, name, _ in COLUMNS)]
+VERDICT_NAMES = ["quantity", "bound", "measured", "outcome"]
 
 
 def latency(parts, key):
@@ -78,46 +81,17 @@ def judge(parts, answers, faults, timed, more, sanitized=False):
     return verdicts
 
 
-def markdown(names, lines):
-    return "\n".join("| " + " | ".join(line) + " |" for line in (names, ["---"] * len(names), *lines)) + "\n"
+def rows_of_parts(parts):
+    return [[number, *(form.format(part[key]) for key, _, form in COLUMNS)] for number, part in enumerate(parts, 1)]
 
 
-def cells(part):
-    return [form.format(part[key]) for key, _, form in COLUMNS]
+def rows_of_verdicts(verdicts):
+    words = {True: "met", False: "missed", None: "not judged"}
+    return [[v.text, v.wanted, v.found, words[v.met]] for v in verdicts]
 
 
-def turned(parts):
-    """A column for each tenth."""
-    columns = [cells(part) for part in parts]
-    return [[title, *(column[i] for column in columns)] for i, (_, title, _) in enumerate(COLUMNS)]
-
-
-def table_of_parts(parts):
-    return markdown(["", *(f"{i + 1}" for i in range(len(parts)))], turned(parts))
-
-
-def table_of_verdicts(verdicts):
-    words = {True: "met", False: "**missed**", None: "not in this run"}
-    return markdown(["", "bound", "measured", ""], [[v.text, v.wanted, v.found, words[v.met]] for v in verdicts])
-
-
-HEAD = """# The service under a mixed load
-
-`make soak` ([soak.py](soak.py)) writes this page; do not edit it. One run on one machine: {cpu}, {cores} cores, {when},
-load average {load:.1f} at its start; {minutes:g} minutes of load. A daemon with defaults, except for a smaller cache of documents, which is full
-after the first tenth, gets {rate:g} jobs a second: small jobs, sequences of three frames, jobs with a damaged input or too
-little memory, jobs that are cancelled, jobs whose result is in the cache, and jobs that never start. Every fourth job that ended is fetched and
-compared, and every fourth is deleted. A client reads ten jobs a second and lists jobs, and {followers:g} clients a minute
-follow events for some seconds.
-
-- `CPU` is the CPU time of the daemon without its workers. The yardstick is the CPU time of a fixed computation that
-  the client repeats. The cost of a job is CPU over jobs over yardstick, which cancels the effect of other load on the processor.
-- Memory, descriptors, threads and the database are read at the end of a tenth, while nothing runs and no other client is connected.
-- Latencies are those of a client in Python on the same machine. They show changes, not the speed of the service alone. A 99th
-  percentile is the median of the percentiles of ten slices of the tenth.
-
-"""
-
-
-def page(about, parts, verdicts):
-    return HEAD.format(**about) + table_of_verdicts(verdicts) + "\nBy tenths of the run:\n\n" + table_of_parts(parts)
+def rows_about(about):
+    """The machine and the load, as further rows of the verdicts."""
+    return [[text, "", f"{about[key]:.1f}" if key == "load" else about[key], ""] for text, key in (
+        ("Processor", "cpu"), ("Processor cores", "cores"), ("Date", "when"), ("Load average at the start", "load"), ("Minutes", "minutes"),
+        ("Jobs a second", "rate"), ("Followers a minute", "followers"))]

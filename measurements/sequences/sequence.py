@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs coherent sequences frame by frame and writes how well their points stay put (measurements/sequences/sequences.md).
+"""Runs coherent sequences frame by frame and measures the motion of their points relative to the surface (measurements/sequences/README.md).
 
-    measurements/sequences/sequence.py --worker build/hexad-worker --output measurements/sequences/sequences.md [--case NAME ...] [--short] [--keep DIR]
+    measurements/sequences/sequence.py --worker build/hexad-worker --output measurements/sequences/sequences.csv
+                                      [--case NAME ...] [--short] [--keep DIR]
 
 Cases: a torus that moves, turns about a tilted axis and grows, as level sets; and, where HEXAD_SHARED has them, what
 lies between frames 2 and 3 of blender_smoke, which themselves have little to do with each other, and these alone. What
-the report says of drift is not used. hex_fraction comes from measure.py. Ends with 1 when a measure misses its bound.
+the report says of drift is not used. hex_fraction comes from measure.py. The CSV has a row for each sequence; FILE_frames.csv beside it
+has one for each frame, and FILE_alone.csv those of the files. Ends with 1 when a measure misses its bound.
 """
 import argparse
 import json
@@ -21,6 +23,7 @@ import numpy
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import levelsets  # noqa: E402
 import measure  # noqa: E402
+import results as csv_results  # noqa: E402
 
 DRIFT_MOST, HEX_LEAST = 0.1, 0.93  # median over h per frame; share of points with six neighbours
 
@@ -221,55 +224,50 @@ def run_alone(worker, shared, where):
     return rows
 
 
-# ---- the page
+# ---- the results
 
-HEAD = """# Sequences
-
-`make sequences` (measurements/sequences/sequence.py) writes this page. It has the points of coherent sequences (`queue.coherent`), frame by frame.
-
-- way: distance that the points in both frames moved relative to the motion of the surface, over h, median and 95 %.
-  The motion of the torus is a formula; for smoke, the way is along the normal. The bound is a median of {drift}.
-- hex: share of points with the ideal number of neighbours (measurements/common/measure.py). The bound is {hex} unless the section has another bound.
-- alone: hex of the same frame, sampled without the frame before.
-- born, died: points that were added and removed with the frame.
-"""
-HEAD_ALONE = """## smoke, frames alone
-
-The frames of the files, sampled by themselves. The surface has features of one voxel everywhere. At a spacing of one voxel and more, a third of the
-points and more lie on walls thinner than 1.2 spacings, and hex does not reach the bound. At 0.4 voxels the bound can be met, by frames alone
-and by coherent frames. Droplets of a few points are an exception: each part needs 30 points on the coarsest level, so there is only one
-level, and hex is that of random initial points (file 3 at density 0.3, and the frames above with 0.90 alone).
-
-| file | density | points | spacing, voxels | on thin walls | hex |
-|---|---|---|---|---|---|"""
+FRAMES = ["row", "sequence", "frame", "points", "motion_median", "motion_p95", "hex_fraction", "hex_fraction_alone", "area_cv", "born", "died",
+          "sweeps"]
+SEQUENCES = ["sequence", "frames", "points_first", "points_last", "motion_median_largest", "motion_p95_largest", "hex_fraction_least",
+             "hex_fraction_bound", "hex_fraction_alone_least", "area_cv_largest", "born", "died", "sweeps_largest", "missed"]
+ALONE_HEADER = ["row", "file", "density", "points", "spacing_voxels", "on_thin_walls_share", "hex_fraction"]
 
 
 def is_good(case, row):
     return row["hex"] >= case.get("hex_least", HEX_LEAST) and (row["median"] is None or row["median"] < DRIFT_MOST)
 
 
-def write_page(path, results, alone=()):
-    lines = [HEAD.format(drift=DRIFT_MOST, hex=HEX_LEAST)]
-    for name, rows in results.items():
-        case = CASES[name]
-        bound = f" Bound of hex: {case['hex_least']}." if "hex_least" in case else ""
-        lines.append(f"## {name}\n\n{case['what'][0].upper()}{case['what'][1:]}.{bound}\n")
-        if isinstance(rows, str):
-            lines.append(rows + "\n")
-            continue
-        lines += ["| frame | points | way, median | 95 % | hex | alone | area_cv | born | died | sweeps |",
-                  "|" + "---|" * 10]
-        for r in rows:
-            way = "| | " if r["median"] is None else f"| {r['median']:.4f} | {r['p95']:.3f} "
-            own = f"{r['alone']:.3f} " if "alone" in r else ""
-            lines.append(f"| {r['frame']} | {r['count']} {way}| {r['hex']:.3f} | {own}| {r['area_cv']:.3f} "
-                         f"| {r['born']} | {r['died']} | {r['sweeps']} |{'' if is_good(case, r) else ' missed'}")
-        lines.append("")
+def number(value, form):
+    return None if value is None else form.format(value)
+
+
+def frame_row(name, r):
+    return [f"{name} {r['frame']}", name, r["frame"], r["count"], number(r["median"], "{:.4f}"), number(r["p95"], "{:.3f}"), f"{r['hex']:.3f}",
+            number(r.get("alone"), "{:.3f}"), f"{r['area_cv']:.3f}", r["born"], r["died"], r["sweeps"]]
+
+
+def sequence_row(name, rows):
+    """Extremes over the frames; born, died and sweeps without the first frame. `rows` may be the reason why there are none."""
+    case = CASES[name]
+    if isinstance(rows, str):
+        return [name, *[None] * (len(SEQUENCES) - 2), rows]
+
+    def of(key, choose, form):
+        values = [r[key] for r in rows if r.get(key) is not None]
+        return form.format(choose(values)) if values else None
+    later = rows[1:]
+    return [name, len(rows), rows[0]["count"], rows[-1]["count"], of("median", max, "{:.4f}"), of("p95", max, "{:.3f}"), of("hex", min, "{:.3f}"),
+            case.get("hex_least", HEX_LEAST), of("alone", min, "{:.3f}"), of("area_cv", max, "{:.3f}"), sum(r["born"] for r in later),
+            sum(r["died"] for r in later), max((r["sweeps"] for r in later), default=None), sum(not is_good(case, r) for r in rows)]
+
+
+def write_results(path, found, alone=()):
+    csv_results.write(path, SEQUENCES, [sequence_row(name, rows) for name, rows in found.items()])
+    csv_results.write(path.with_name(f"{path.stem}_frames.csv"), FRAMES,
+                      [frame_row(name, r) for name, rows in found.items() if not isinstance(rows, str) for r in rows])
     if alone:
-        lines.append(HEAD_ALONE)
-        lines += [f"| {n} | {d} | {c} | {h:.2f} | {u:.2f} | {x:.3f} |" for n, d, c, h, u, x in alone]
-        lines.append("")
-    path.write_text("\n".join(lines), encoding="utf-8")
+        csv_results.write(path.with_name(f"{path.stem}_alone.csv"), ALONE_HEADER,
+                          [[f"file {n} density {d} points {c}", n, d, c, f"{h:.2f}", f"{u:.2f}", f"{x:.3f}"] for n, d, c, h, u, x in alone])
 
 
 def main():
@@ -294,8 +292,10 @@ def main():
             results[name] = run_case(given.worker, name, case, shared, where, frames)
         if shared and (shared / SMOKE.format(2)).exists() and set(given.case) == set(CASES) and not given.short:
             alone = run_alone(given.worker, shared, where)
+    for name, rows in results.items():
+        print(*(f"{key} {value}" for key, value in zip(SEQUENCES, sequence_row(name, rows)) if value is not None), sep=", ")
     if given.output:
-        write_page(given.output, results, alone)
+        write_results(given.output, results, alone)
     return any(not is_good(CASES[name], row) for name, rows in results.items() if not isinstance(rows, str)
                for row in rows)
 

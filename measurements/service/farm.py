@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine, and writes a page.
+"""Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine.
 
-    farm.py BUILD PAGE [--small N] [--large N] [--queued N]     (--queued 0: only the jobs, and no page)
+    farm.py BUILD [--output measurements/service/farm.csv] [--small N] [--large N] [--queued N]     (--queued 0: only the jobs)
+
+Prints the results and writes them: each quantity with local workers and with Slurm.
 
 --small: jobs of 1000 points, through Slurm and locally; --large: of a million, besides. --queued: tasks of an array that
 wait in Slurm while its partition is down; then all are cancelled. How late progress and cancellation are is measured with
@@ -16,11 +18,19 @@ import sys
 import tempfile
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests/service"))
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parents[1] / "tests/service"), str(HERE.parent / "common")]
+import results  # noqa: E402
 from cluster import Cluster  # noqa: E402
 from service import Service, Stream, cpu_seconds, sphere, wait_until  # noqa: E402
 
 TICK = os.sysconf("SC_CLK_TCK")
+# CPU time of the daemon is without the commands that it calls and without workers; other processes are the daemons, Slurm, and other load
+JOB_QUANTITIES = ("jobs", "wall_s", "daemon_cpu_ms_a_job", "slurm_daemons_cpu_ms_a_job", "workers_share_of_cores",
+                  "other_processes_share_of_cores", "idle_share_of_cores")
+SLURM_QUANTITIES = ("progress_to_event_at_most_s", "cancellation_to_end_of_worker_at_most_s", "attempts_in_queue",
+                    "submission_to_all_in_queue_s", "daemon_memory_then_mib", "one_squeue_s", "waiting_daemon_share_of_a_core", "get_jobs_s",
+                    "cancel_until_job_cancelled_s", "cancel_until_queue_empty_s", "cores", "load_average_at_the_end")
 
 
 def resident_mb(pid):
@@ -114,10 +124,10 @@ def run_queued(service, slurm, count):
 def main():
     words = argparse.ArgumentParser()
     words.add_argument("build", type=pathlib.Path)
-    words.add_argument("page", type=pathlib.Path)
+    words.add_argument("--output", type=pathlib.Path, default=HERE / "farm.csv")
     words.add_argument("--small", type=int, default=2000)
     words.add_argument("--large", type=int, default=20)
-    words.add_argument("--queued", type=int, default=10000, help="0: only the jobs, and no page")
+    words.add_argument("--queued", type=int, default=10000, help="0: only the jobs, and no file")
     given = words.parse_args()
     base = pathlib.Path(tempfile.mkdtemp(prefix="farm."))
     slurm = Cluster(nodes=4, cpus=1, memory_mb=4000, most_jobs=100000)
@@ -130,18 +140,18 @@ def main():
     clock.chmod(0o755)
     watched = Service(given.build.resolve(), base / "watched", "--engine", "slurm", "--work_dir", base / "watched/work",
                       "--worker", str(clock), *common)
-    rows = []
+    found = []
     try:
         slurm.start()
         os.environ.update(SLURM_CONF=slurm.environment["SLURM_CONF"], PATH=slurm.environment["PATH"])
-        for name, service, of in (("local, 2 workers", local, None), ("slurm, 4 nodes of 1 core", farm, slurm)):
+        for service, of in ((local, None), (farm, slurm)):
             service.base.mkdir()
             service.start()
             wall, own, theirs, workers, whole = run_jobs(service, given, of)
             count, there_was = given.small + given.large, wall * os.cpu_count()
-            rows.append(f"| {name} | {count} | {wall:.1f} | {1000 * own / count:.2f} | {1000 * theirs / count:.2f} | "
-                        f"{workers / there_was:.2f} | {(whole - workers) / there_was:.2f} | {1 - whole / there_was:.2f} |")
-            print(rows[-1], flush=True)
+            found.append([count, f"{wall:.1f}", f"{1000 * own / count:.2f}", f"{1000 * theirs / count:.2f}", f"{workers / there_was:.2f}",
+                          f"{(whole - workers) / there_was:.2f}", f"{1 - whole / there_was:.2f}"])
+            print("slurm" if of else "local", *found[-1], sep=", ", flush=True)
         local.end()
         if not given.queued:
             return
@@ -156,44 +166,12 @@ def main():
         watched.clean_up()
         slurm.clean_up()
         shutil.rmtree(base, ignore_errors=True)
-    given.page.write_text(PAGE.format(small=given.small, large=given.large, late=late, queued=given.queued, rows="\n".join(rows), cores=os.cpu_count(),
-                                      load=os.getloadavg()[2], q=queued))
-
-
-PAGE = """# Slurm
-
-`python3 measurements/service/farm.py BUILD measurements/service/farm.md --small {small} --large {large} --queued {queued}`: a Slurm of four nodes and the daemon on one
-machine of {cores} cores (load average at the end: {load:.1f}). The figures are the cost of the engine `slurm` beside `local`, not the
-scaling of a cluster.
-
-## Jobs: {small} of 1000 points, {large} of a million
-
-| engine | jobs | wall s | CPU ms of the daemon for a job | CPU ms of Slurm's daemons for a job | share of the cores: workers | other processes | idle |
-|---|---|---|---|---|---|---|---|
-{rows}
-
-The CPU time of the daemon is without the commands that it calls and without workers. The share of the workers is their CPU
-time (`processor_ms` of the attempts) over wall time and cores. Other processes are the daemons, Slurm, and other load on the machine.
-
-## Delays
-
-| delay | at most |
-|---|---|
-| from a worker's progress line to the event at a client | {late[0]:.2f} s |
-| from a cancellation to the worker's end on its node | {late[1]:.2f} s |
-
-## {queued} attempts in Slurm's queue
-
-| what | |
-|---|---|
-| from the submission until all are in Slurm's queue | {q[0]:.1f} s |
-| memory of the daemon then | {q[1]:.0f} MiB |
-| one `squeue` for all | {q[2]:.2f} s |
-| CPU time of the daemon and its commands while the attempts wait, share of a core | {q[3]:.3f} |
-| `GET /v1/jobs` meanwhile | {q[4]:.3f} s |
-| cancel all: until the job is cancelled | {q[5]:.1f} s |
-| until Slurm's queue is empty | {q[6]:.1f} s |
-"""
+    own = [f"{late[0]:.2f}", f"{late[1]:.2f}", given.queued, f"{queued[0]:.1f}", f"{queued[1]:.0f}", f"{queued[2]:.2f}", f"{queued[3]:.3f}",
+           f"{queued[4]:.3f}", f"{queued[5]:.1f}", f"{queued[6]:.1f}", os.cpu_count(), f"{os.getloadavg()[2]:.1f}"]
+    rows = [list(row) for row in zip(JOB_QUANTITIES, *found)] + [[name, "", value] for name, value in zip(SLURM_QUANTITIES, own)]
+    for row in rows:
+        print(*row, sep=", ")
+    results.write(given.output, ["quantity", "local", "slurm"], rows)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 """Submissions, reads and tiny jobs a second of two builds, in one run.
 
     measurements/service/rates.py --built BUILD --before BUILD [--rounds 5] [--span 2] [--jobs 100] [--worker PROGRAM] [--least 0.95]
+                                  [--output rates.csv]
 
 The builds take turns in each round, the second one first in every other round. Printed are the medians of the rounds, and the median
 of the rounds' ratios. Ends with 1 when a ratio is below --least. --worker: of both for the tiny jobs, instead of each build's own;
@@ -19,8 +20,9 @@ import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parents[1] / "tests" / "service")]
+sys.path[:0] = [str(HERE.parents[1] / "tests" / "service"), str(HERE.parent / "common")]
 
+import results  # noqa: E402
 from service import Service, cpu_seconds, sphere, wait_until  # noqa: E402
 
 CLIENTS = 16
@@ -108,16 +110,18 @@ def measure(builds, rounds):
     return told
 
 
+COLUMNS = ["rate", "before_per_s", "now_per_s", "ratio", "least_ratio", "greatest_ratio", "before_cpu_ms", "now_cpu_ms"]
+
+
 def table(told):
-    lines = ["| a second | before | now | ratio | of the rounds | ms of the processors before | now |", "|---|---:|---:|---:|---|---:|---:|"]
-    ratios = {}
+    rows, ratios = [], {}
     for name, (before, now) in told.items():
         each = [n[0] / b[0] for b, n in zip(before, now)]
         ratios[name] = statistics.median(each)
         rates, costs = ([statistics.median(x[k] for x in one) for one in (before, now)] for k in (0, 1))
-        lines.append(f"| {name.replace('_', ' ')} | {rates[0]:.0f} | {rates[1]:.0f} | {ratios[name]:.3f} | {min(each):.2f} to {max(each):.2f}"
-                     f" | {costs[0]:.4f} | {costs[1]:.4f} |")
-    return "\n".join(lines), ratios
+        rows.append([name.replace("_", " "), f"{rates[0]:.0f}", f"{rates[1]:.0f}", f"{ratios[name]:.3f}", f"{min(each):.2f}", f"{max(each):.2f}",
+                     f"{costs[0]:.4f}", f"{costs[1]:.4f}"])
+    return rows, ratios
 
 
 def main():
@@ -129,6 +133,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=100)
     parser.add_argument("--worker", type=lambda path: pathlib.Path(path).resolve())
     parser.add_argument("--least", type=float, default=0.95)
+    parser.add_argument("--output", type=pathlib.Path)
     options = parser.parse_args()
     builds = []
     with tempfile.TemporaryDirectory() as where:
@@ -143,8 +148,12 @@ def main():
         finally:
             for one in builds:
                 one.end()
-    text, ratios = table(told)
-    print(f"{os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}, {options.rounds} rounds\n\n{text}")
+    rows, ratios = table(told)
+    print(f"{os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}, {options.rounds} rounds")
+    for row in (COLUMNS, *rows):
+        print(*row, sep=", ")
+    if options.output:
+        results.write(options.output, COLUMNS, rows)
     return 1 if min(ratios.values()) < options.least else 0
 
 

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The daemon against the machine it runs on, as ratios in one run, and what small jobs cost it.
 
-    measurements/service/serving.py --built BUILD [--page measurements/service/service.md] [--place DIRECTORY] [--rounds 5] [--span SECONDS]
-                     [--waiting 100000] [--looks 500] [--streams 1000] [--jobs 100]
+    measurements/service/serving.py --built BUILD [--output measurements/service/service.csv] [--place DIRECTORY] [--rounds 5]
+                     [--span SECONDS] [--waiting 100000] [--looks 500] [--streams 1000] [--jobs 100]
 
-Writes the page. --place: a directory of the disk to be measured. What is compared alternates, --rounds times
+Prints the results and writes them: --output has the claims and the figures, connections.csv beside it the numbers of busy
+connections. --place: a directory of the disk to be measured. What is compared alternates, --rounds times
 for --span seconds each, and medians count, so that a noisy neighbour hits both. Claims of a run with fewer jobs
 or streams than are claimed are not judged. Ends with 1 when a claim is missed.
 """
@@ -25,8 +26,9 @@ import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests" / "service"))
+sys.path[:0] = [str(HERE.parents[1] / "tests" / "service"), str(HERE.parent / "common")]
 
+import results  # noqa: E402
 from service import Service, cpu_seconds, long_sphere, sphere, wait_until  # noqa: E402
 
 CLIENTS = 16
@@ -41,14 +43,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 Claim = collections.namedtuple("Claim", "text wanted found met")
 SMALL = {"no preview": {"output": {"preview": False}}, "default outputs": {"output": {}}}
-HEAD = """# Speed of the service
-
-`make bench-service` ([serving.py](serving.py)) writes this page; do not edit it. One run on one machine: {cpu}, \
-{cores} cores, {when},
-load average {load:.1f} at its start. Compared cases ran in turn, at least {rounds} times. Figures are medians of the rounds;
-ratios are medians of the ratios of each round.
-
-"""
+OUTCOMES = {True: "met", False: "missed", None: "not judged"}
 
 
 def cpu_model():
@@ -74,12 +69,12 @@ def at_ms(text):
 class Bench:
     def __init__(self, options, where):
         self.options, self.where = options, where
-        self.claims, self.lines, self.tables = [], [], []
+        self.claims, self.figures, self.connections = [], [], []
         self.made = []
 
-    def say(self, line):
-        print(line, flush=True)
-        self.lines.append(line)
+    def figure(self, name, value, form="{}"):
+        self.figures.append((name, form.format(value)))
+        print(f"{name}: {form.format(value)}", flush=True)
 
     def claim(self, text, wanted, value, bound, at_least, form="{:.2f}", judged=True):
         met = None if not judged else value >= bound if at_least else value <= bound
@@ -145,12 +140,13 @@ def bench_submissions(b, one):
     rows, posts = b.rounds(lambda: b.load("rows", b.where, b.options.span), lambda: submissions(b, one))
     flush_ms = 1000 / statistics.median(rows)
     rate, own_ms, busy = (statistics.median(x) for x in zip(*posts))
-    b.say(f"- Submissions: {CLIENTS} clients had {rate:.0f} jobs a second acknowledged. A durable transaction of one row takes "
-          f"{flush_ms:.2f} ms with SQLite, {1000 / flush_ms:.0f} a second. A submission takes {own_ms:.3f} ms of CPU time of the "
-          f"daemon; daemon and clients took {busy:.2f} of the CPU time that other processes left.")
+    b.figure(f"Submissions of {CLIENTS} clients, acknowledged jobs a second", rate, "{:.0f}")
+    b.figure("Durable transaction of one row with SQLite, ms", flush_ms, "{:.2f}")
+    b.figure("Durable transactions of one row with SQLite, a second", 1000 / flush_ms, "{:.0f}")
+    b.figure("Submission, CPU time of the daemon, ms", own_ms, "{:.3f}")
+    b.figure("Submissions, busy share of the processors", busy, "{:.2f}")
     shared = statistics.median(p[0] / r for p, r in zip(posts, rows))
-    b.claim(f"Submissions of {CLIENTS} clients: the larger of acknowledged jobs over {SHARED_FLUSHES} durable transactions, "
-            f"and busy processors over {BUSY}", "at least 1",
+    b.claim(f"Submissions of {CLIENTS} clients over what disk or processors allow", "at least 1",
             max(shared / SHARED_FLUSHES, busy / BUSY), 1, True)
 
 
@@ -168,14 +164,13 @@ def bench_connections(b, one):
     b.claim(f"1 to {CONNECTIONS[-1]} busy connections: number of connections without an answer", "0",
             len(stalled), 0, False, "{:.0f}")
     if stalled:
-        b.say(f"- Of {', '.join(map(str, stalled))} connections some had no answer.")
-    b.tables.append("| busy connections | answers a second | median, ms | 99th percentile, ms | longest, ms |\n"
-                    "| ---: | ---: | ---: | ---: | ---: |\n" +
-                    "".join(f"| {count} | {rate:.0f} | {p50:.2f} | {p99:.2f} | {longest:.1f} |\n"
-                            for count, (rate, p50, p99, longest) in told.items()))
-    print(b.tables[-1], flush=True)
+        b.figure("Numbers of connections of which some had no answer", " ".join(map(str, stalled)))
+    b.connections = [[count, f"{rate:.0f}", f"{p50:.2f}", f"{p99:.2f}", f"{longest:.1f}"]
+                     for count, (rate, p50, p99, longest) in told.items()]
+    for row in b.connections:
+        print(*row, sep=", ", flush=True)
     if told:
-        b.claim(f"- largest 99th percentile with 1 to {CONNECTIONS[-1]} connections, ms", "at most 250",
+        b.claim(f"Largest 99th percentile with 1 to {CONNECTIONS[-1]} connections, ms", "at most 250",
                 max(p99 for _, _, p99, _ in told.values()), 250, False, "{:.1f}")
 
 
@@ -214,9 +209,10 @@ def bench_reads(b, one):
         bare.wait()
     rates = [statistics.median(r for r, _ in x) for x in (ours, theirs)]
     costs = [statistics.median(c for _, c in x) for x in (ours, theirs)]
-    b.say(f"- Status of 1 000 jobs in turn, {size} bytes each, over {CLIENTS} persistent connections: "
-          f"{rates[0]:.0f} a second, and {rates[1]:.0f} of a bare libmicrohttpd; {costs[0]:.1f} and {costs[1]:.1f} us of "
-          "CPU time of the server each.")
+    b.figure("Status of 1 000 jobs in turn, bytes", size)
+    for k, answers in enumerate(("Status reads", "Replies of a bare libmicrohttpd")):
+        b.figure(f"{answers} over {CLIENTS} connections, a second", rates[k], "{:.0f}")
+        b.figure(f"{answers}, CPU time of the server, us", costs[k], "{:.1f}")
     b.claim("Status reads over replies of a bare libmicrohttpd", "at least 0.40",
             statistics.median(o[0] / t[0] for o, t in zip(ours, theirs)), 0.4, True)
 
@@ -228,13 +224,13 @@ def bench_looks(b, small, full):
     judged = o.waiting >= CLAIMED["waiting"]
     listing = b.file("listing", f"/v1/jobs?state=queued&limit={PAGE}\n")
     for what, empty_paths, full_paths in (
-            ("list", listing, listing),
-            ("status", paths_of_jobs(b, small, PAGE), paths_of_jobs(b, full, min(o.waiting, 20000)))):
+            ("List", listing, listing),
+            ("Status", paths_of_jobs(b, small, PAGE), paths_of_jobs(b, full, min(o.waiting, 20000)))):
         # short rounds, and many: one pause of the machine is all that a percentile of such rounds tells of
         few, many = b.rounds(lambda: b.load("get", small.socket, empty_paths, 1, o.looks)["p99_ms"],
                              lambda: b.load("get", full.socket, full_paths, 1, o.looks)["p99_ms"], times=4)
-        b.say(f"- 99th percentile of {what} with {o.waiting} waiting jobs: {statistics.median(many):.3f} ms, with "
-              f"{PAGE + 10} {statistics.median(few):.3f} ms.")
+        b.figure(f"{what} with {o.waiting} waiting jobs, 99th percentile, ms", statistics.median(many), "{:.3f}")
+        b.figure(f"{what} with {PAGE + 10} waiting jobs, 99th percentile, ms", statistics.median(few), "{:.3f}")
         b.claim(f"{what} with 100 000 waiting jobs over {PAGE + 10}, 99th percentile", "at most 3",
                 statistics.median(m / f for m, f in zip(many, few)), 3, False, judged=judged)
 
@@ -245,8 +241,7 @@ def bench_claims(b):
         return
     done = subprocess.run([b.options.built / "measurements/service/queue", b.where], stdout=subprocess.PIPE, text=True)
     ratio = float(re.search(r"^claim +([\d.]+)", done.stdout, re.MULTILINE).group(1))
-    b.claim("claim with 100 000 waiting jobs over an empty queue, 99th percentile (`make bench-queue`)",
-            "at most 3", ratio, 3, False)
+    b.claim("Claim with 100 000 waiting jobs over an empty queue, 99th percentile (make bench-queue)", "at most 3", ratio, 3, False)
 
 
 def bench_streams(b):
@@ -270,8 +265,10 @@ def bench_streams(b):
         latest = max([latest, *(ms - at_ms(e["at"]) for ms, e in zip(stream["received_ms"], told)
                                 if e["type"] != "state" or e["state"] not in ("blocked", "queued"))])
     b.stop(one)
-    b.say(f"- {count} open event streams of {len(jobs)} jobs that ran: {whole} had every event until the job's "
-          f"end; the largest delay of an event was {latest:.0f} ms.")
+    b.figure("Open event streams", count)
+    b.figure("Jobs with open event streams", len(jobs))
+    b.figure("Open event streams with every event until the job's end", whole)
+    b.figure("Largest delay of an event, ms", latest, "{:.0f}")
     b.claim("1 000 open event streams: share with every event until the job's end", "1",
             whole / count, 1, True, "{:.4g}", count >= CLAIMED["streams"])
 
@@ -316,19 +313,13 @@ def bench_small_jobs(b):
         alone = run_alone(b, kind, count, cores)
         daemon, worker, busy = run_served(b, one, kind, count)
         own = 1000 * (daemon + worker - alone)
-        b.say(f"- {count} jobs of 1 000 points on a formula, {kind}: {1000 * daemon:.1f} ms of CPU time of the daemon and "
-              f"{1000 * worker:.1f} ms of the worker each. The worker alone takes {1000 * alone:.1f} ms.")
+        for program, used in (("of the daemon each", daemon), ("of the worker each", worker), ("of the worker alone", alone)):
+            b.figure(f"{count} jobs of 1 000 points, {kind}: CPU time {program}, ms", 1000 * used, "{:.1f}")
         b.claim(f"A job of 1 000 points, {kind}: CPU time of the service, ms", "at most 100", own, 100, False,
                 "{:.1f}", judged)
-        b.claim(f"- busy share of the processors while jobs wait, without other processes, {kind}", "at least 0.90", busy, 0.9, True,
+        b.claim(f"Busy share of the processors while jobs wait, without other processes, {kind}", "at least 0.90", busy, 0.9, True,
                 "{:.3f}", judged)
     b.stop(one)
-
-
-def table(claims):
-    verdict = {True: "met", False: "**missed**", None: "not in this run"}
-    lines = ["| claim | bound | measured | |", "| --- | --- | --- | --- |"]
-    return "\n".join(lines + [f"| {c.text} | {c.wanted} | {c.found} | {verdict[c.met]} |" for c in claims]) + "\n"
 
 
 def measure(b):
@@ -343,15 +334,20 @@ def measure(b):
     bench_claims(b)
     bench_streams(b)
     bench_small_jobs(b)
-    head = HEAD.format(cpu=cpu_model(), cores=len(os.sched_getaffinity(0)), load=load, rounds=b.options.rounds,
-                       when=datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%MZ"))
-    b.options.page.write_text(head + table(b.claims) + "\n" + "\n".join(b.lines) + "\n\n" + "\n".join(b.tables))
+    for name, value in (("Processor", cpu_model()), ("Processor cores", len(os.sched_getaffinity(0))),
+                        ("Date", datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%MZ")),
+                        ("Load average at the start", f"{load:.1f}"), ("Rounds", b.options.rounds)):
+        b.figure(name, value)
+    results.write(b.options.output, ["quantity", "bound", "measured", "outcome"],
+                  [[c.text, c.wanted, c.found, OUTCOMES[c.met]] for c in b.claims] + [[name, "", value, ""] for name, value in b.figures])
+    results.write(b.options.output.with_name("connections.csv"),
+                  ["busy_connections", "answers_per_s", "median_ms", "p99_ms", "longest_ms"], b.connections)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--built", type=pathlib.Path, required=True)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE / "service.md")
+    parser.add_argument("--output", type=pathlib.Path, default=HERE / "service.csv")
     parser.add_argument("--place", type=pathlib.Path, default=None)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--span", type=float, default=2.0)

@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long jobs wait when users share one worker: one job behind many, and five users of different weights.
 
-    measurements/service/sharing.py --built BUILD [--page measurements/service/sharing.md] [--many 10000] [--each 100] [--job-ms 20]
+    measurements/service/sharing.py --built BUILD [--output measurements/service/sharing.csv] [--many 10000] [--each 100] [--job-ms 20]
 
-Writes the page. Ends with 1 when a claim is missed. The worker is a script that takes --job-ms and delivers a result, so
-that waiting times tell of the order and of nothing else.
+Prints the results and writes them. Ends with 1 when a claim is missed. The worker is a script that takes --job-ms and delivers a
+result, so that waiting times show the order of the jobs only.
 """
 import argparse
 import calendar
 import collections
-import datetime
 import hashlib
 import json
 import pathlib
@@ -21,8 +20,9 @@ import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests" / "service"))
+sys.path[:0] = [str(HERE.parents[1] / "tests" / "service"), str(HERE.parent / "common")]
 
+import results  # noqa: E402
 from service import Service, sphere, wait_until  # noqa: E402
 
 WORKER = """#!/bin/sh
@@ -34,13 +34,8 @@ printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes"
 WEIGHTS = {"alice": 4, "bob": 2, "carol": 1, "dave": 1, "erin": 0.5}
 MOST_OFF = 0.02  # of a share; a turn is a whole job
 PAGE = 500
-HEAD = """# Fair sharing between users
-
-`make bench-sharing` ([sharing.py](sharing.py)) writes this page; do not edit it. One worker runs jobs of {job_ms} ms
-plus the start of a process; {when}. Shares must be near the weights, and a user with one job must not wait behind a long queue of
-another user.
-
-"""
+COLUMNS = ["user", "weight", "share_by_weight", "share", "median_wait_s", "longest_wait_s", "median_wait_by_age_s",
+           "longest_wait_by_age_s", "others_begun", "outcome"]
 
 Started = collections.namedtuple("Started", "name at_ms waited_ms")
 
@@ -142,16 +137,14 @@ def row(user, started, each):
 
 
 def measure(options, where):
-    lines, missed = [], False
+    rows = []
     farm = Farm(options, where)
     try:
         waited, between = one_behind_many(farm, options.many)
     finally:
         farm.service.clean_up()
-    met = between <= 1
-    missed |= not met
-    lines.append(f"A user had {options.many} waiting jobs when another user submitted one. This job waited {waited} ms, and {between} of the"
-                 f" other jobs began meanwhile (bound: at most 1; {'met' if met else '**missed**'}).\n")
+    rows.append([f"one job behind {options.many}", 1, "", "", f"{waited / 1000:.3f}", f"{waited / 1000:.3f}", "", "", between,
+                 "met" if between <= 1 else "missed"])
     kinds = {"turns": lambda user: user, "age": lambda user: "many"}
     found = {}
     for kind, owner_of in kinds.items():
@@ -160,37 +153,31 @@ def measure(options, where):
             found[kind] = share(farm, options.each, owner_of)
         finally:
             farm.service.clean_up()
-    lines.append(f"Five users submitted {options.each} jobs each, one user after the other, while the queue was held. *Share* is the"
-                 " share of the jobs that began until the first user had no job left. *By age*: the same jobs of one user, which run in"
-                 " the order of their submission. Waiting times are in seconds.\n")
-    lines += ["| user | weight | share by weight | share | median wait | longest wait | median wait by age | longest by age |",
-              "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"]
     for user, weight in WEIGHTS.items():
         wanted = weight / sum(WEIGHTS.values())
         got, median, longest = row(user, found["turns"], options.each)
         _, age_median, age_longest = row(user, found["age"], options.each)
         met = abs(got - wanted) <= max(MOST_OFF, 1 / options.each)
-        missed |= not met
-        lines.append(f"| {user} | {weight} | {wanted:.3f} | {got:.3f}{'' if met else ' **missed**'} | {seconds(median)} |"
-                     f" {seconds(longest)} | {seconds(age_median)} | {seconds(age_longest)} |")
-    return "\n".join(lines) + "\n", missed
+        rows.append([user, weight, f"{wanted:.3f}", f"{got:.3f}", *map(seconds, (median, longest, age_median, age_longest)), "",
+                     "met" if met else "missed"])
+    return rows
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--built", type=pathlib.Path, required=True)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE / "sharing.md")
+    parser.add_argument("--output", type=pathlib.Path, default=HERE / "sharing.csv")
     parser.add_argument("--many", type=int, default=10000)
     parser.add_argument("--each", type=int, default=100)
     parser.add_argument("--job-ms", type=int, default=20)
     options = parser.parse_args()
     options.built = options.built.resolve()
     with tempfile.TemporaryDirectory() as where:
-        text, missed = measure(options, where)
-    print(text)
-    when = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%MZ")
-    options.page.write_text(HEAD.format(job_ms=options.job_ms, when=when) + text)
-    return 1 if missed else 0
+        rows = measure(options, where)
+    for row in (COLUMNS, *rows):
+        print(*row, sep=", ")
+    results.write(options.output, COLUMNS, rows)
+    return 1 if any(row[-1] == "missed" for row in rows) else 0
 
 
 if __name__ == "__main__":

@@ -3,10 +3,11 @@
 """What the web page costs in a real browser: bytes, the time to the first view, frames while 100 000 jobs wait and events
 come, and points in 3-D.
 
-    measurements/service/web_page.py --built BUILD [--page measurements/service/web-page.md] [--jobs 100000] [--points 1000000] [--seconds 20]
+    measurements/service/web_page.py --built BUILD [--output measurements/service/web_page.csv] [--jobs 100000] [--points 1000000]
+                                     [--seconds 20]
 
-Writes the page, and ends with 1 when a bound is missed. There is no graphics card here: of points it says what the card
-would be given, and the time of the script alone.
+Prints the results and writes them; ends with 1 when a bound is missed. There is no graphics card here: of points the results have
+the memory that the card would get, and the time of the script alone.
 """
 import argparse
 import concurrent.futures
@@ -23,21 +24,14 @@ import threading
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "tests" / "service"))
+sys.path[:0] = [str(HERE.parents[1] / "tests" / "service"), str(HERE.parent / "common")]
 
+import results  # noqa: E402
 from browser import Browser, is_there  # noqa: E402
 from service import Service, cpu_seconds, gated_worker, processes, sphere, wait_until  # noqa: E402
 
 MOST_BYTES, MOST_VIEW_MS, MOST_FRAME_MS, MOST_MEMORY = 1_000_000, 300, 100, 200_000_000
 EVENTS = 50  # a second
-HEAD = """# Load of the web page
-
-`make bench-web-page` ([web_page.py](web_page.py)) writes this page; do not edit it. Headless Chromium, which renders on
-the processor; {when}.
-
-| what | measured | bound | |
-|---|---:|---:|---|
-"""
 # the time between frames while something happens
 WATCH = """window.frames = []; let last = performance.now();
 (function next() { const now = performance.now(); frames.push(now - last); last = now; requestAnimationFrame(next); })();"""
@@ -54,7 +48,7 @@ import(new URL("page/ply.js", document.baseURI)).then(ply => ply.loadPoints(path
 
 
 def number(value):
-    return f"{value:,.{1 if value < 10 else 0}f}".replace(",", " ")
+    return f"{value:.{1 if value < 10 else 0}f}"
 
 
 class Table:
@@ -64,10 +58,8 @@ class Table:
     def add(self, what, value, unit, most=None):
         met = most is None or value <= most
         self.missed += not met
-        bound = f"at most {number(most)} {unit}" if most else ""
-        verdict = "" if most is None else "met" if met else "MISSED"
-        self.rows.append(f"| {what} | {number(value)} {unit} | {bound} | {verdict} |")
-        print(self.rows[-1], flush=True)
+        self.rows.append([what, unit, number(value), most or "", "" if most is None else "met" if met else "missed"])
+        print(*self.rows[-1], sep=", ", flush=True)
 
 
 def ask(service, connection, method, path, body=None):
@@ -154,7 +146,7 @@ def measure_first_view(service, browser, table):
         browser.open(service)
         times.append(wait_until(lambda: browser.run("return window.firstView"), "the first view"))
     table.add("first view of the queue, nothing cached (median of 7)", statistics.median(times), "ms", MOST_VIEW_MS)
-    table.add("bytes of that", browser.run("return [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]"
+    table.add("bytes of the first view", browser.run("return [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]"
                                           ".filter(e => !e.name.includes('/v1/')).reduce((sum, e) => sum + e.transferSize, 0)"), "bytes")
     whole = sum(len(service.get(f"/page/{f.name}").body) for f in (service.build / "page").iterdir() if f.is_file())
     table.add("bytes of all files of the page", whole, "bytes", MOST_BYTES)
@@ -187,10 +179,10 @@ def measure_queue(service, browser, jobs, seconds, table):
     events.join()
     table.add("waiting jobs", len(jobs), "jobs")
     table.add("events", events.sent / (time.monotonic() - begun), "events/s")
-    table.add("longest frame meanwhile", frames[-1], "ms", MOST_FRAME_MS)
+    table.add("longest frame while events come", frames[-1], "ms", MOST_FRAME_MS)
     table.add("99th percentile of frames", frames[int(0.99 * len(frames))], "ms")
     table.add("memory of the process that shows the page", memory, "bytes", MOST_MEMORY)
-    table.add("of that, objects of the page", objects, "bytes")
+    table.add("memory of objects of the page", objects, "bytes")
     for what, key, unit in (("processor time of the service for these events", "idle", "ms a second"),
                             ("processor time of the service for a status read", "cost", "µs"),
                             (f"status reads of one client on {os.cpu_count()} processors", "rate", "reads/s"),
@@ -205,19 +197,21 @@ def measure_points(service, browser, count, table):
     begun = time.monotonic()
     browser.open(service, f"#/jobs/{job}/points")
     wait_until(lambda: browser.all(".stats") and not browser.all(".loading-points"), "the points", 600)
-    table.add(f"{number(count)} points: until all discs are there, drawn by the processor", time.monotonic() - begun, "s")
-    table.add("the same without pictures", browser.driver.execute_async_script(LOAD, f"v1/jobs/{job}/results/points.ply") / 1000, "s")
+    table.add(f"{count} points: until all discs are there, drawn by the processor", time.monotonic() - begun, "s")
+    table.add(f"{count} points: read without drawing", browser.driver.execute_async_script(LOAD, f"v1/jobs/{job}/results/points.ply") / 1000, "s")
     stats = browser.text(".stats")
     assert stats.replace("\u202f", "").startswith(f"{count} points"), (stats, browser.texts(".trouble"))
     frame = browser.run("return {...document.querySelector('canvas.points').dataset}")
-    table.rows += [f"| a frame of them | {frame['calls']} draw call, {int(frame['bytes']) / 2 ** 20:.1f} MiB on the graphics card | | |",
-                   f"| script of that frame, without pixels | {float(frame['ms']):.1f} ms | | |"]
+    for what, unit, value in (("draw calls of a frame", "", frame["calls"]), ("script of a frame, without pixels", "ms", f"{float(frame['ms']):.1f}"),
+                              ("memory of the graphics card", "MiB", f"{int(frame['bytes']) / 2 ** 20:.1f}")):
+        table.rows.append([f"{count} points: {what}", unit, value, "", ""])
+        print(*table.rows[-1], sep=", ")
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--built", type=pathlib.Path, required=True)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE / "web-page.md")
+    parser.add_argument("--output", type=pathlib.Path, default=HERE / "web_page.csv")
     parser.add_argument("--jobs", type=int, default=100000)
     parser.add_argument("--points", type=int, default=1000000)
     parser.add_argument("--seconds", type=float, default=20)
@@ -243,8 +237,8 @@ def main():
             browser.close()
             full.clean_up()
             plain.clean_up()
-    now = datetime.datetime.now(datetime.timezone.utc)
-    options.page.write_text(HEAD.format(when=f"{now:%Y-%m-%dT%H:%MZ}") + "\n".join(table.rows) + "\n")
+    table.rows.append(["date", "", f"{datetime.datetime.now(datetime.timezone.utc):%Y-%m-%dT%H:%MZ}", "", ""])
+    results.write(options.output, ["quantity", "unit", "measured", "at_most", "outcome"], table.rows)
     sys.exit(1 if table.missed else 0)
 
 

@@ -76,7 +76,7 @@ char *command_job_path(const char *id, const char *rest);
  * document of the reply, which the caller frees, or NULL. */
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document);
 
-/* Entries of a page that is requested, at most. */
+/* Maximum number of entries of a page that is requested. */
 #define COMMAND_PAGE_MOST 500
 
 /* The next page of a job's tasks, a document that the caller frees. *after is TASKS_FROM_THE_FIRST before the
@@ -97,7 +97,7 @@ void command_explain_waiting(client *c, FILE *file);
  * wait. `owner`: this user only; NULL: all. */
 void command_explain_user_limits(client *c, const char *owner, FILE *file);
 
-/* The same, from a document of /v1/workers. */
+/* As command_explain_user_limits, from a document of /v1/workers that the caller has already read. */
 void command_print_user_limits(const json *document, const char *owner, FILE *file);
 
 /* Waits for the end of a job, prints it, and returns its exit code. */

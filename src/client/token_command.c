@@ -41,7 +41,8 @@ static char *directory_of(const char *path)
     return slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
 }
 
-/* Whether this user has to be another one to use the token file, or to make it. */
+/* Whether the token file is denied to this user: it belongs to another user or, if it does not exist, its
+ * directory is not writable. False for root. */
 static bool is_denied(const char *path)
 {
     struct stat info;
@@ -53,8 +54,9 @@ static bool is_denied(const char *path)
     return denied;
 }
 
-/* Prints the error about the token file. The commands in errors of auth are for the administrator of a
- * service that is denied access: for the user of hexadctl they would take the file from the service. */
+/* Prints the error about the token file. If this user is denied access, the error's own message is not
+ * printed: its commands are for the administrator of a service that is denied access, and would take the
+ * file away from the service. */
 static int fail_at_file(const command_options *options, const error *e)
 {
     if (!is_denied(options->file)) return fail(e);
@@ -80,7 +82,8 @@ static int lock_file(const command_options *options, error *e)
 {
     char *directory = directory_of(options->file);
     if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
-        chmod(directory, 0755); /* whatever root's umask: the service reads it. open reports failures */
+        chmod(directory, 0755); /* independent of root's umask, because the service reads it. open reports
+                                 * failures */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || !take_lock(fd)) {
         if (fd >= 0 && errno == EWOULDBLOCK)

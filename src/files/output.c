@@ -84,7 +84,8 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
     return set_outside(outputs, path, e);
 }
 
-/* Whether the path begins with a name that is the user's, and goes on. "." would be the root itself. */
+/* Whether the first component of the path is the name of the user, and another component follows. A first
+ * component "." is refused: it would be the root itself. */
 static bool is_of_user(const char *path, const char *user)
 {
     char name[NAME_MAX + 1];
@@ -113,7 +114,8 @@ static error_code code_of(int why)
     return why == EROFS || why == EACCES || why == EPERM ? ERROR_OUTPUT_UNWRITABLE : error_code_of_errno(why);
 }
 
-/* The directory of the user on a path below a root of users, to be freed; NULL: the root is not such. */
+/* The directory of the user on a path below a root of users; the caller frees it. NULL: the root is not a
+ * root of users. */
 static char *find_directory_of_user(const store_outputs *outputs, const char *path, char user[NAME_MAX + 1])
 {
     const size_t index = outputs ? store_output_root_of(outputs, path) : 0;
@@ -137,8 +139,7 @@ static char *explain(const store_outputs *outputs, const char *path, int fault)
     return text;
 }
 
-/* Sets the error of a failed call. `outputs` NULL: the path is not one that store_output_check has
- * accepted. */
+/* Sets the error of a failed call. `outputs` NULL: the path was not checked by store_output_check. */
 static bool fail_below(const store_outputs *outputs, error *e, const char *what, const char *path)
 {
     const int fault = errno;

@@ -19,10 +19,10 @@
 typedef struct store_outputs {
     const char *const *roots; /* absolute */
     size_t root_count;
-    mode_t mode; /* of files; created directories have execute permission wherever there is read permission */
-    gid_t group; /* (gid_t)-1: stays */
-    /* For each root, whether a user may use only the directory below it that has the user's name. NULL: no
-     * root is such. */
+    /* mode of created files; created directories also have execute permission for all that may read them */
+    mode_t mode;
+    gid_t group; /* group of created files; (gid_t)-1: not changed */
+    /* Per root: users may use only the directory below it that has their name. NULL: false for all roots. */
     const bool *of_user;
 } store_outputs;
 
@@ -30,10 +30,10 @@ typedef struct store_outputs {
  * path_forbidden. Only the text of the path is examined. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
 
-/* The same for a user. Below a root of users, the path must be below the directory of this user. */
+/* store_output_check for a user: below a root of users, the path must be below the directory of this user. */
 bool store_output_check_user(const store_outputs *outputs, const char *user, const char *path, error *e);
 
-/* The number of the root that a path lies below which store_output_check has accepted. */
+/* The index of the root of a path that store_output_check has accepted. */
 size_t store_output_root_of(const store_outputs *outputs, const char *path);
 
 /* Opens a root. Returns -1 and the error output_unwritable if the root does not exist. */

@@ -38,7 +38,7 @@ typedef struct token {
     unsigned scopes;
     uint8_t hash[32];
     int64_t created_ms;
-    int max_priority; /* of the jobs that it submits or changes; or TOKEN_ANY_PRIORITY */
+    int max_priority; /* highest priority of the jobs that it submits or changes; or TOKEN_ANY_PRIORITY */
 } token;
 
 typedef struct token_set {

@@ -651,7 +651,7 @@ static int refuse_command(const char *name)
     return fail(&e, NULL);
 }
 
-/* What reads untrusted files, in processes that jobs start with these commands. */
+/* The programs that read untrusted files. Jobs start them as processes with these commands. */
 typedef struct reader_program {
     const char *command;
     int (*run)(int argc, char **argv); /* NULL: a function of a module */

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. It
- * is the one list of what ends when: first checks and requests, then jobs, then background work, then what
- * they used. */
+/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order.
+ * The table alone determines the order of the end: first checks and requests, then jobs, then background
+ * work, then the objects that these used. */
 #include <errno.h>
 #include <grp.h>
 #include <limits.h>
@@ -348,7 +348,7 @@ static bool init_sockets(service *s, error *e)
     return ok;
 }
 
-/* The widest of all sockets. */
+/* The widest reach of all sockets. */
 static listen_reach reach_of(const service *s)
 {
     listen_reach widest = LISTEN_UNIX;
@@ -607,7 +607,7 @@ static void fini_tasks(service *s)
     runner_free(s->tasks);
 }
 
-/* What starts before can add tasks. */
+/* Starts the runner, after the steps that add tasks to it. */
 static bool init_background(service *s, error *e)
 {
     if (runner_start(s->tasks, e)) return true;
@@ -764,11 +764,11 @@ static char *find_allow_command(const char *settings_file)
     return command;
 }
 
-/* Numbers of descriptors at the same time, at most. */
+/* Maximum numbers of descriptors that are open at the same time. */
 enum {
-    DESCRIPTORS_OF_ESTIMATE = 9, /* of its worker while it starts */
+    DESCRIPTORS_OF_ESTIMATE = 9, /* for the estimate's worker while it starts */
     DESCRIPTORS_OF_HANDLER = 4,  /* a reader of the database, a directory and a file in it */
-    DESCRIPTORS_OF_CALL = 4,     /* of a webhook: the connection, and those of libcurl */
+    DESCRIPTORS_OF_CALL = 4,     /* for a webhook: the connection, and descriptors of libcurl */
     DESCRIPTORS_OF_OTHERS = 32   /* checks, clean-up, copies of results, backups, the start of a worker */
 };
 

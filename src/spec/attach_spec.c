@@ -10,16 +10,16 @@
 typedef struct replacement {
     json *root; /* the new document */
     const char *const *mesh;
-    size_t given, count; /* meshes; found so far */
+    size_t given, count; /* number of given meshes, and of meshes found in the surface so far */
 } replacement;
 
-/* Changes a text of the new document, which is not constant. */
+/* Changes a text of the new document. The document is not constant, so that the cast is permitted. */
 static void set_path(const json_at *path, const char *to)
 {
     json_set_string((json *)path->node, to);
 }
 
-/* Sets the path of each attribute that is read from the file of a mesh. */
+/* Replaces the path of each attribute that is read from the file of a mesh. */
 static void replace_attributes(json *root, const char *from, const char *to)
 {
     const json_at at = json_root(root), list = json_member(&at, "attributes");
@@ -29,7 +29,7 @@ static void replace_attributes(json *root, const char *from, const char *to)
     }
 }
 
-/* Replaces the paths of all meshes at a place of the surface and below. */
+/* Replaces the paths of all meshes at and below a position in the surface. */
 static void replace_meshes(replacement *r, const json_at *at)
 {
     for (json_at member = json_first(at); member.node; member = json_next(&member)) {
@@ -48,7 +48,7 @@ static void replace_meshes(replacement *r, const json_at *at)
     }
 }
 
-/* Whether the points have the attribute of their places on the meshes. */
+/* Whether the points have the attribute with their positions on the meshes. */
 static bool has_source(const json_at *at)
 {
     const json_at list = json_member(at, "attributes");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* attach_spec: the spec of a result, turned into one that places its points on other meshes
- * (sampling.attach). Pure functions but for allocation. */
+/* attach_spec: converts the spec of a result to a spec that places its points on other meshes
+ * (sampling.attach). Pure functions except for allocation. */
 #ifndef HEXAD_SPEC_ATTACH_SPEC_H
 #define HEXAD_SPEC_ATTACH_SPEC_H
 
@@ -9,7 +9,7 @@
 #include "base/core/error.h"
 #include "base/json/json.h"
 
-/* The end of messages about points without the attribute of their places on the meshes. */
+/* The end of messages about points without the attribute with their positions on the meshes. */
 #define ATTACH_SPEC_SOURCE_ADVICE \
     "sample it again with attributes [{\"from\": \"geometry\", \"name\": \"source\"}]"
 

@@ -11,19 +11,19 @@
 #include "spec/rules.h"
 #include "spec/spec_table.h"
 
-/* Where the values of a member go. */
+/* The place where the values of a member are stored. */
 typedef struct target {
     const frame_values_member *member;
-    char *parts;           /* of its pointer, each ended by NUL */
-    size_t depth;          /* parts before the row's own */
-    const char *group;     /* of the row */
-    const spec_row *row;   /* NULL: no row has this pointer, and reading the rest will note it */
-    spec_surface *surface; /* that the row belongs to; NULL: none */
-    bool repeated;         /* an earlier member belongs to this row of this surface, too */
+    char *parts;           /* parts of its pointer, each ended by NUL */
+    size_t depth;          /* number of parts before the key of the row */
+    const char *group;     /* group of the row */
+    const spec_row *row;   /* NULL: no row has this pointer; reading the rest of the spec reports the fault */
+    spec_surface *surface; /* surface to which the row belongs; NULL: none */
+    bool repeated;         /* an earlier member belongs to the same row of the same surface */
 } target;
 
 typedef struct frame_check {
-    spec *s; /* of the frame at hand, as far as surfaces go */
+    spec *s; /* spec of the current frame; only its surfaces are valid */
     json *document;
     target *target;
     size_t count;
@@ -37,7 +37,7 @@ static char *split(const char *pointer)
     return parts;
 }
 
-/* Finds the row of a pointer, and its surface. An element of a list belongs to the list's row. */
+/* Finds the row of a pointer and its surface. An element of a list belongs to the row of the list. */
 static void find_row(target *t, spec *s)
 {
     const char *part = t->parts, *end = part + strlen(t->member->pointer);
@@ -64,7 +64,7 @@ static void find_row(target *t, spec *s)
     t->surface = surface;
 }
 
-/* The element of a list of surfaces, which is short. */
+/* An element of a list of surfaces, which are short. */
 static json_at find_element(const json_at *list, size_t index)
 {
     json_at at = json_first(list);
@@ -72,7 +72,8 @@ static json_at find_element(const json_at *list, size_t index)
     return at;
 }
 
-/* The object that has the row's member, which other values may have replaced: then its node is none. */
+/* The object that contains the member of the row. Its node is NULL if a value of another member has replaced
+ * an object on the path. */
 static json_at find_place(const target *t, const json *document, json_at place[JSON_MAX_DEPTH])
 {
     const char *part = t->parts;
@@ -83,7 +84,7 @@ static json_at find_place(const target *t, const json *document, json_at place[J
     return place[t->depth];
 }
 
-/* Frees what the row's member holds: it is read again. */
+/* Frees the value of the row's member, before it is read again. */
 static void empty(reading *r, const spec_row *row)
 {
     if (row->type == SPEC_TYPE_INTEGERS) {
@@ -97,15 +98,15 @@ static void empty(reading *r, const spec_row *row)
     }
 }
 
-/* Reads a member of a surface again, and checks it against the others of its group. The shape says which
- * others there are. */
+/* Reads a member of a surface again, and checks the relations with the other members of its group. These
+ * members depend on the shape. */
 static void read_target(reading *r, const target *t, const json *document)
 {
     json_at place[JSON_MAX_DEPTH];
     json_at at = find_place(t, document, place);
     size_t before = r->total;
     if (json_type_of(at) != JSON_OBJECT) return;
-    json *normal = json_new_object(); /* which is of no use */
+    json *normal = json_new_object(); /* not used */
     bool is_shape = t->row->offset == offsetof(spec, surface.analytic.shape);
     r->surface = (partial_surface *)t->surface;
     r->shape_known = !is_shape;
@@ -120,7 +121,7 @@ static void read_target(reading *r, const target *t, const json *document)
     json_free(normal);
 }
 
-/* Reads into the spec of the first frame, which is complete. */
+/* Reads the changed members of surfaces into the spec of the first frame, which is complete. */
 static void read_surfaces(const frame_check *c, reading *r)
 {
     json_at root = json_root(c->document);
@@ -131,7 +132,7 @@ static void read_surfaces(const frame_check *c, reading *r)
     relations_check(r, &root);
 }
 
-/* Reads all but surfaces and the queue, which are borrowed. */
+/* Reads the whole spec except surfaces and the queue, which are borrowed from the first frame. */
 static void read_rest(const frame_check *c, reading *r)
 {
     json_at root = json_root(c->document);
@@ -168,7 +169,8 @@ size_t frame_check_all(spec *first, const json *document, const frame_values *w,
 {
     frame_check c = {.s = first, .document = json_copy(document), .count = w->count};
     size_t total = 0;
-    json_put_null(json_find(c.document, "/queue"), "by_frame"); /* the lists are long */
+    /* removed, because its lists are long */
+    json_put_null(json_find(c.document, "/queue"), "by_frame");
     c.target = mem_alloc(c.count * sizeof *c.target);
     for (size_t i = 0; i < c.count; i++) {
         c.target[i] = (target){.member = &w->member[i], .parts = split(w->member[i].pointer)};

@@ -9,7 +9,7 @@
 #include "base/core/frames.h"
 #include "base/core/memory.h"
 
-/* The spec of each is checked before the job is accepted. */
+/* Maximum number of frames: the spec of each is checked before the job is accepted. */
 enum { MOST_FRAMES = 10000 };
 
 static bool is_path(const char *pointer)
@@ -19,7 +19,7 @@ static bool is_path(const char *pointer)
                     strcmp(pointer, "/output/directory") == 0);
 }
 
-/* False for members that the service itself reads from a spec, once for all frames. */
+/* False for members that the service reads from the spec, since it reads them once for all frames. */
 static bool may_change(const char *pointer)
 {
     static const char *const groups[] = {"/surface/", "/region/", "/sampling/", "/solver/", "/output/"};
@@ -29,7 +29,8 @@ static bool may_change(const char *pointer)
     return good && strcmp(pointer, "/solver/threads") != 0;
 }
 
-/* A number, a word, true or false, or an array of numbers: an object could hold a path. */
+/* Whether a value is a number, a word, true, false, or an array of numbers. Objects are refused, since they
+ * could contain a path. */
 static bool is_value(json_at at)
 {
     switch (json_type_of(at)) {
@@ -213,7 +214,7 @@ json *frame_values_document(const frame_values *w, size_t index, const json *doc
     return copy;
 }
 
-/* The member with values by frame that a fault's place is at or below, or NULL. */
+/* The member with values by frame at or above the place of a fault; NULL: there is none. */
 static const frame_values_member *member_of(const frame_values *w, const char *pointer)
 {
     for (size_t i = 0; i < w->count; i++) {

@@ -26,7 +26,7 @@ const char *spec_surface_kind_name(spec_surface_kind kind)
     return surface_keys[kind];
 }
 
-/* Appends a part to the surface at hand. */
+/* Appends a part to the current surface. */
 static void append_part(reading *r, spec_surface *part)
 {
     spec_surface ***parts = reading_target(r, offsetof(spec, surface.parts));
@@ -35,7 +35,8 @@ static void append_part(reading *r, spec_surface *part)
     (*parts)[(*count)++] = part;
 }
 
-/* One more part of the surface at hand; or one that is none and goes to *stored. */
+/* Reads a further part of the current surface, or, with `stored`, a surface that is not a part and is stored
+ * there. */
 static void read_part(reading *r, const json_at *at, spec_surface **stored, json *normal)
 {
     enum { DEEPEST = 16, MOST_SURFACES = 256 };
@@ -80,7 +81,7 @@ static void note_attribute(spec_attribute *a, const json_at *at)
     json_pointer(&from, a->input_pointer, sizeof((spec_fault *)0)->pointer);
 }
 
-/* Each is read into spec.attribute and goes from there into the list. */
+/* Each attribute is read into spec.attribute, and then moved to the list. */
 static void read_attributes(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     size_t count = json_size(*at);
@@ -128,7 +129,7 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     json_at place = *at;
     if (row->flags & SPEC_SWITCH && json_type_of(*at) == JSON_BOOL) {
         on = json_bool(*at, true);
-        place.node = NULL; /* true: an object without members */
+        place.node = NULL; /* true stands for an object without members */
         if (!on) json_put_bool(normal, spec_row_key(row), false);
     }
     if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = on;
@@ -140,7 +141,7 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     group_read(r, &place, row->pointer, json_put_object(normal, spec_row_key(row)));
 }
 
-/* Takes what the frames of a sequence share from the spec that is known; false: the row is to be read. */
+/* Copies the values that all frames of a sequence share from the known spec. False: the row must be read. */
 static bool share_known(reading *r, const spec_row *row)
 {
     if (strcmp(row->pointer, "/surface") == 0) {
@@ -156,8 +157,9 @@ static bool share_known(reading *r, const spec_row *row)
     return true;
 }
 
-/* A member of a part that is not built may ask for nothing: it may be absent, false or an empty array. The
- * normalised document has no such member, so that a worker that reads the document finds what was given. */
+/* Reads a member of a part that is not built. It may be absent, false or an empty array, which request
+ * nothing. It is omitted from the normalised document, so that a worker that reads the document gets the
+ * given value. */
 static void read_missing_part(reading *r, const json_at *at, const spec_row *row, const char *why)
 {
     const bool asks = at->node && !(json_type_of(*at) == JSON_BOOL && !json_bool(*at, true)) &&
@@ -167,13 +169,13 @@ static void read_missing_part(reading *r, const json_at *at, const spec_row *row
         *(bool *)reading_target(r, offsetof(spec, preview_left_out)) = true;
 }
 
-/* Whether the solver's method has the member. Else notes a fault if it is given. A method that is absent is
- * one of SPEC_DEFAULT_METHODS. */
+/* Whether the solver's method has the member. If not, and it is given, adds a fault. If no method is given,
+ * it is one of SPEC_DEFAULT_METHODS. */
 static bool has_method(reading *r, const json_at *at, const spec_row *row)
 {
     const char *const *words = spec_row_find("/solver", "method")->words;
     if (!row->methods || row->methods & r->methods) return true;
-    if (!at->node || !r->methods) return false; /* the fault of the method says what is wrong */
+    if (!at->node || !r->methods) return false; /* the method has a fault, which was added */
     unsigned given = 0;
     while (!(r->methods & 1u << given)) given++;
     if (r->methods == SPEC_DEFAULT_METHODS)
@@ -184,11 +186,13 @@ static bool has_method(reading *r, const json_at *at, const spec_row *row)
     return false;
 }
 
-/* Whether the shape has the member. Else notes a fault if it is given. */
+/* Whether the shape has the member. If not, and it is given, adds a fault. */
 static bool has_shape(reading *r, const json_at *at, const spec_row *row)
 {
     if (!row->shapes) return true;
-    if (!r->shape_known) return false; /* what belongs here is not known; the shape's fault says so */
+    if (!r->shape_known)
+        return false; /* the members are unknown, because the shape has a fault, which was
+                                        * added */
     const spec_shape shape = *(spec_shape *)reading_target(r, offsetof(spec, surface.analytic.shape));
     if (row->shapes & 1u << shape) return true;
     if (at->node)
@@ -223,7 +227,7 @@ void group_read_row(reading *r, const json_at *group, const spec_row *row, json 
         group_read_default(r, row, row->otherwise, normal);
 }
 
-/* Notes which kind of surface a member of /surface makes, and the input file that it names. */
+/* Stores the kind of surface that a member of /surface determines, and its input file. */
 static void note_surface(reading *r, const json_at *at, const char *group)
 {
     static const char prefix[] = "/surface/";

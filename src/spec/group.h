@@ -10,11 +10,11 @@
 #include "spec/reading.h"
 #include "spec/spec_table.h"
 
-/* Reads the members of a group ("" is the whole spec). A place without a node stands for an object without
- * members. */
+/* Reads the members of a group ("" is the whole spec). If `at` has no node, the group is treated as an
+ * object without members. */
 void group_read(reading *r, const json_at *at, const char *group, json *normal);
 
-/* Reads one member of the group at this place, or its default. */
+/* Reads one member of a group, or its default. */
 void group_read_row(reading *r, const json_at *group, const spec_row *row, json *normal);
 
 /* Reads a member's default, a JSON text. */

@@ -10,7 +10,7 @@
 
 static const char analytic[] = "/surface/analytic", surface[] = "/surface";
 
-/* Where a surface within a surface is described. */
+/* The reference to the schema of a surface within a surface. */
 static const char *const surface_ref[] = {
     [JSON_SCHEMA_ALONE] = "#/properties/surface",
     [JSON_SCHEMA_SENT] = "#/components/schemas/Surface",
@@ -59,10 +59,10 @@ static void put_length(json *schema, double low, double high)
     json_put_string(schema, "type", "string");
     json_put_number(schema, "minLength", low);
     json_put_number(schema, "maxLength", high);
-    json_put_string(schema, "pattern", "^[^\\x00]*$"); /* which no text of the service's may have */
+    json_put_string(schema, "pattern", "^[^\\x00]*$"); /* texts must not contain byte 0 */
 }
 
-/* Pixels: one integer for both sides, or two. */
+/* A size in pixels: one integer for both sides, or two. */
 static void put_size(json *schema, const spec_row *row)
 {
     json *list = json_put_array(schema, "oneOf");
@@ -72,13 +72,13 @@ static void put_size(json *schema, const spec_row *row)
     put_items(json_append_object(list), "integer", row, 2);
 }
 
-/* No further members; later versions answer with more. */
+/* Forbids further members, except in answers: later versions add members. */
 static void put_end(json *object, json_schema_use use)
 {
     if (use != JSON_SCHEMA_ANSWERED) json_put_bool(object, "additionalProperties", false);
 }
 
-/* Lists of values, or ramps, by JSON Pointer. */
+/* Values by frame: lists or ramps, by JSON Pointer. */
 static void put_frame_values(json *schema, const spec_row *row, json_schema_use use)
 {
     json_put_string(schema, "type", "object");
@@ -97,7 +97,7 @@ static void put_frame_values(json *schema, const spec_row *row, json_schema_use 
     }
 }
 
-/* From low to high of something; returns what each is. */
+/* Adds an array of row->low to row->high items. Returns the schema of an item. */
 static json *put_list(json *schema, const spec_row *row)
 {
     json_put_string(schema, "type", "array");
@@ -186,7 +186,7 @@ static void put_type(json *schema, const spec_row *row, json_schema_use use)
     }
 }
 
-/* Its unit and, where the schema does not say it, its default. */
+/* Adds the description: the prose, the unit, and the default if the schema has no member for it. */
 static void put_prose(json *schema, const spec_row *row, json_schema_use use)
 {
     const char *otherwise = use == JSON_SCHEMA_SENT ? row->otherwise : NULL;
@@ -213,8 +213,8 @@ static json *describe(const spec_row *row, json_schema_use use)
     return schema;
 }
 
-/* The rows of one choice among the members of a group: an object for each, of which exactly one is to hold;
- * or, where none may be given, for each pair that is not to be given. */
+/* Adds the condition of a choice among the members of a group: exactly one of the rows; or, if none may be
+ * given, no pair of them. */
 static void put_choice(json *all, const char *group, spec_choice choice)
 {
     const spec_row *member[16];
@@ -238,8 +238,7 @@ static void put_choice(json *all, const char *group, spec_choice choice)
     }
 }
 
-/* The members of a group, of those that belong to some shapes only those of `shape`; -1: of a group
- * without shapes. */
+/* Adds the members of a group. `shape`: members of other shapes are left out; -1: the group has no shapes. */
 static void put_members(json *schema, const char *group, int shape, json_schema_use use)
 {
     json *properties = json_put_object(schema, "properties"), *required = NULL;

@@ -30,7 +30,7 @@ static void read_number(reading *r, const json_at *at, const spec_row *row, json
         reading_add_wrong_value(r, at, row, whole ? "an integer" : "a number");
         return;
     }
-    if (value == 0) value = 0; /* -0 would print as such and be another text for the same job */
+    if (value == 0) value = 0; /* replaces -0, which would print as another text for the same job */
     if (row->type == SPEC_TYPE_LARGE)
         json_put_integer(normal, spec_row_key(row), (int64_t)value);
     else
@@ -48,7 +48,7 @@ static void read_number(reading *r, const json_at *at, const spec_row *row, json
     }
 }
 
-/* Three numbers, or three integers. */
+/* Reads three numbers, or three integers. */
 static void read_vector(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     bool whole = row->type == SPEC_TYPE_TRIPLE, good = true;
@@ -79,7 +79,7 @@ static void read_vector(reading *r, const json_at *at, const spec_row *row, json
     for (int i = 0; i < 3; i++) json_append_number(list, vec3_get(v, i));
 }
 
-/* Any number of them; of the bad ones the first is named. */
+/* Reads any number of numbers. The fault contains the first bad one. */
 static void read_numbers(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {
@@ -88,7 +88,8 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     }
     size_t count = json_size(*at);
     double *numbers = mem_alloc((count + 1) * sizeof *numbers);
-    *(double **)reading_target(r, row->offset) = numbers; /* given to the spec at once, which frees them */
+    /* stored at once: the spec frees them */
+    *(double **)reading_target(r, row->offset) = numbers;
     json *list = json_put_array(normal, spec_row_key(row));
     for (json_at element = json_first(at); element.node; element = json_next(&element)) {
         const double number = json_number(element, NAN);
@@ -102,7 +103,7 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     *(size_t *)reading_target(r, row->has) = count;
 }
 
-/* The message names the first bad integer of a list. */
+/* Reads a list of integers. The fault contains the first bad one. */
 static void read_list(reading *r, const json_at *at, const spec_row *row, spec_list *out, json *normal)
 {
     if (json_type_of(*at) != JSON_ARRAY) {
@@ -134,8 +135,7 @@ static void read_lists(reading *r, const json_at *at, const spec_row *row, json 
     }
     const size_t count = json_size(*at);
     spec_list *lists = mem_alloc((count + 1) * sizeof *lists);
-    memcpy(reading_target(r, row->offset), &lists,
-           sizeof lists); /* given to the spec at once, which frees them */
+    memcpy(reading_target(r, row->offset), &lists, sizeof lists); /* stored at once: the spec frees them */
     memcpy(reading_target(r, row->has), &count, sizeof count);
     json *all = json_put_array(normal, spec_row_key(row));
     for (json_at element = json_first(at); element.node; element = json_next(&element)) {
@@ -249,7 +249,7 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
     }
 }
 
-/* Appends one string to the list at the row's place. */
+/* Appends a string to the list at the row's offset. */
 static void read_label(reading *r, const json_at *at, const spec_row *row, json *list)
 {
     const char *text = json_string(*at, NULL);
@@ -270,7 +270,8 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         reading_add_mismatch(r, at, "must be an array of at most %.16g strings", row->high);
         return;
     }
-    *(char ***)reading_target(r, row->offset) = mem_alloc(count * sizeof(char *)); /* the spec frees them */
+    /* the spec frees them */
+    *(char ***)reading_target(r, row->offset) = mem_alloc(count * sizeof(char *));
     json *list = json_put_array(normal, spec_row_key(row));
     if (one) read_label(r, at, row, list);
     for (json_at element = json_first(at); element.node; element = json_next(&element))
@@ -323,6 +324,6 @@ void member_value_read(reading *r, const json_at *at, const spec_row *row, json 
     case SPEC_TYPE_SURFACES:
     case SPEC_TYPE_GROUPS:
     case SPEC_TYPE_GROUP:
-        break; /* have members, which spec.c reads */
+        break; /* groups and surfaces are read in group.c */
     }
 }

@@ -9,7 +9,7 @@
 #include "spec/spec_table.h"
 
 /* Reads the value at this place, which is present, by its row, and puts it into `normal`, the normalised
- * object. A bad value is a fault and is not stored. Groups and surfaces are left out: they have members. */
+ * object. A bad value is a fault and is not stored. Not for groups and surfaces, which have members. */
 void member_value_read(reading *r, const json_at *at, const spec_row *row, json *normal);
 
 #endif

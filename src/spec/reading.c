@@ -43,7 +43,7 @@ void reading_add_absent(reading *r, const spec_row *row, json *normal)
     json_put_null(normal, spec_row_key(row));
 }
 
-/* A further fault at this place without its text; NULL: there are too many. */
+/* Adds a fault at this place; the caller sets its text. NULL: there are too many. */
 static spec_fault *add(reading *r, const json_at *at)
 {
     r->total++;
@@ -126,7 +126,7 @@ static void describe_range(const spec_row *row, char *out, size_t size)
                  row->high);
 }
 
-/* Whether a unit means something beside a number: not those of the world or of a file. */
+/* Whether the unit is stated after a number: not units of the world or of a file. */
 static bool is_measure(const char *unit)
 {
     return !strstr(unit, "world") && strncmp(unit, "the ", 4) != 0 && strcmp(unit, "time") != 0;

@@ -168,8 +168,8 @@ static bool has_mesh(const spec_surface *s)
     return found;
 }
 
-/* Points that are attached are not computed: what concerns their number, their neighbours or their order
- * is refused. */
+/* Refuses members that concern the number, the neighbours or the order of computed points, if points are
+ * attached. */
 static void check_attach(reading *r, const json_at *at, const spec *s)
 {
     static const char *const excluded[][2] = {
@@ -197,7 +197,7 @@ static bool has_labels(const spec_surface *s)
     return found;
 }
 
-/* Blue noise has no packing, no points on curves and no given points: what concerns these is refused. */
+/* Refuses members that concern a packing, points on curves or given points, if the pattern is blue noise. */
 static void check_pattern(reading *r, const json_at *at, const spec *s)
 {
     static const char *const excluded[][2] = {

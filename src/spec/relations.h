@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* relations: the second phase of reading a spec: defaults and rules that depend on several groups.
  *
- * Neither function does anything if a group has a fault: the values of a group that was not read are not
- * known. They are the only code of src/spec that gives a spec to other functions before it is complete.
+ * If a group has a fault, the functions do nothing, because its values are unknown. Only this code of
+ * src/spec passes the spec to other functions before it is complete.
  *
  * Private to src/spec.
  */
@@ -15,7 +15,7 @@
 /* Sets the absent members of r->absent to their defaults, in the spec and in the normalised document. */
 void relations_set_defaults(reading *r);
 
-/* Notes what contradicts between groups. `root` is the whole document. */
+/* Adds a fault for each contradiction between groups. `root`: the whole document. */
 void relations_check(reading *r, const json_at *root);
 
 #endif

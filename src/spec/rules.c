@@ -17,7 +17,7 @@
 #include "spec/surface_spec.h"
 #include "spec/frame_values.h"
 
-/* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the
+/* Minimum sine of the angle between a camera's up and its line of sight: below it rounding would rotate the
  * picture. */
 static const double UPRIGHT_LEAST = 1e-6;
 
@@ -45,7 +45,7 @@ static const char *suggestion(const char *group, const char *key)
     return nearest.name ? nearest.name : elsewhere;
 }
 
-/* The members of a group, or false if a message is too short for them. */
+/* Lists the members of a group. False: the list does not fit into a message. */
 static bool list_members(const char *group, char list[READING_SHOWN_MAX])
 {
     size_t count, used = 0;
@@ -69,8 +69,8 @@ static void unknown_member(reading *r, const json_at *at, const char *group)
         reading_add_fault(r, at, "unknown member '%s'", key);
 }
 
-/* Members that are unknown or not supported. An object's names differ, so after as many unknown
- * ones as there are places for faults the rest need not be looked at. */
+/* Adds faults for members that are unknown or not supported. Stops after SPEC_MAX_FAULTS unknown ones, since
+ * names within an object differ. */
 static void check_names(reading *r, const json_at *at, const char *group)
 {
     size_t unknown = 0;
@@ -102,7 +102,7 @@ static void refuse_choice(reading *r, const json_at *at, const char *group, spec
                       choice >= SPEC_CHOICE_GRADING ? "at most" : "exactly", all, *given ? given : "none");
 }
 
-/* Whether a region has a corner of a box, so that check_region names the corner that is missing. */
+/* Whether the member `max` of a region is given: then check_region reports that `min` is missing. */
 static bool is_half_a_box(const json_at *at, spec_choice choice)
 {
     return choice == SPEC_CHOICE_REGION && json_member(at, "max").node;
@@ -127,7 +127,7 @@ static unsigned check_choices(reading *r, const json_at *at, const char *group)
     return several;
 }
 
-/* ---- relations within one group; only of values that are good by themselves ---- */
+/* ---- relations within one group, whose values are valid by themselves ---- */
 
 static bool is_given(const json_at *at, const char *key)
 {
@@ -186,7 +186,7 @@ static void check_points(reading *r, const json_at *at)
         reading_add_fault(r, &distance, "requires mode \"avoid\": remove one of the two");
 }
 
-/* Limits of a spacing that varies. */
+/* Checks the limits of a spacing that varies. */
 static void check_limits(reading *r, const json_at *at)
 {
     static const char *const gradings[] = {"curvature", "grid", "feature", "curve_spacing"},
@@ -228,7 +228,7 @@ static void check_curvature(reading *r, const json_at *at)
         reading_add_fault(r, &exponent, "requires ratio: add it, or remove this member");
 }
 
-/* Whether a list has from low to high numbers, none of them twice. */
+/* Whether a list has `low` to `high` numbers, without duplicates. */
 static bool is_set(const spec_list *list, size_t low, size_t high)
 {
     bool good = list->count >= low && list->count <= high;
@@ -247,7 +247,7 @@ static void check_lists(reading *r, const json_at *at, const spec_list *lists, s
         if (!is_set(&lists[list.index], low, high)) reading_add_fault(r, &list, "%s", must);
 }
 
-/* A stack of images that a member of the surface describes. It is the same in all frames. */
+/* Checks a stack of images that a member of the surface describes. It is the same in all frames. */
 static void check_exr(reading *r, const json_at *at)
 {
     if (r->known) return;
@@ -274,10 +274,11 @@ static void check_exr(reading *r, const json_at *at)
         reading_add_fault(r, &path, "must contain one %s in place of the slice number", FRAMES_NOTATIONS);
 }
 
-/* With slices the path names a stack. */
+/* Checks the members of label files: with slices, the path names a stack. */
 static void check_label_files(reading *r, const json_at *at)
 {
-    static const char *const of_stacks[] = {"part", "channel", "origin"}; /* the last has a default */
+    /* `origin` has a default */
+    static const char *const of_stacks[] = {"part", "channel", "origin"};
     static const char *const of_files[] = {"grid", "index", "level"};
     spec_labels *l = reading_target(r, offsetof(spec, surface.labels));
     spec_exr *x = reading_target(r, offsetof(spec, surface.exr));
@@ -339,7 +340,7 @@ static void check_box(reading *r, const json_at *at, const spec_box *box)
     json_at max = json_member(at, "max"), side = json_first(&max);
     for (int axis = 0; axis < 3; axis++) {
         double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
-        if (!(low < high)) /* max itself where it is the default */
+        if (!(low < high)) /* high is max itself if it is the default */
             reading_add_fault(r, side.node ? &side : at, "max must be above min, %.16g (given %.16g)", low,
                               high);
         if (side.node) side = json_next(&side);
@@ -409,7 +410,7 @@ static void check_preview(reading *r, const json_at *at)
         reading_add_fault(r, &range, "must be two numbers, the lower one first");
 }
 
-/* Notes a fault at a member that is true or an object, if another one is not true. */
+/* Adds a fault at a member that is true or an object, if the member `needed` is not true. */
 static void check_needs(reading *r, const json_at *at, const json_at *member, const char *needed,
                         const char *must)
 {
@@ -432,7 +433,7 @@ static void check_orient(reading *r, const json_at *at)
         reading_add_fault(r, at, "may have at most one of twist, seed (given both): remove one of them");
 }
 
-/* What a path between @ or @@@ cannot hold in a USD file of text. */
+/* Checks that a path can be written between @ or @@@ in a USD text file. */
 static void check_instancer(reading *r, const json_at *at)
 {
     json_at prototype = json_member(at, "prototype");
@@ -481,7 +482,7 @@ static void check_transform(reading *r, const json_at *at)
         reading_add_fault(r, &matrix, "is singular: give an invertible matrix");
 }
 
-/* The name in the outputs, which are of many kinds. */
+/* Checks the name of an attribute in the outputs of all formats. */
 static void check_attribute(reading *r, const json_at *at)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";

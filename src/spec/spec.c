@@ -7,8 +7,8 @@
 #include "base/core/frames.h"
 #include "spec/surface_spec.h"
 
-/* The up axis: y for assets of films and games, z for models of CAD and printing and for medical volumes. The
- * first part of a combination decides. */
+/* The axis that points up: y for assets of films and games; z for models of CAD and printing, and for
+ * medical volumes. For a combination, that of its first part. */
 bool spec_y_up(const spec *s)
 {
     const spec_surface *first = &s->surface;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Reads and checks whole specs, those of a sequence's frames among them. */
+/* Reads and checks whole specs, including those of the frames of a sequence. */
 #include <assert.h>
 
 #include "base/core/memory.h"
@@ -20,8 +20,8 @@ static void sum_up(const spec_faults *faults, size_t total, error *e)
         error_set(e, fault->code, "%s: %s", where, fault->detail);
 }
 
-/* Reads a document that has the values of the index-th frame of `w` (NULL: it has no values by frame) in
- * it. */
+/* Reads a document into which the values of the frame number `index` of `w` were inserted. `w` NULL: it has
+ * no values by frame. */
 static spec *parse(const json *document, const frame_values *w, size_t index, spec_faults *faults, error *e)
 {
     reading r;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/* spec_table: the one table of parameters of a job's spec, constant data.
+/* spec_table: the only table of parameters of a job's spec, constant data.
  *
- * Private to src/spec and its tests. Rows are in the order of the help and of the normalised
- * spec, a group before its members. Parsing, defaults, ranges, messages and help all come from
- * here.
+ * Private to src/spec and its tests. Rows are in the order of the help and of the normalised spec; a group
+ * comes before its members. Parsing, defaults, ranges, messages and help are derived from it.
  */
 #ifndef HEXAD_SPEC_SPEC_TABLE_H
 #define HEXAD_SPEC_SPEC_TABLE_H
@@ -30,11 +29,11 @@ typedef enum spec_type {
     SPEC_TYPE_LISTS,    /* array of arrays of integers: spec_list * and, at `has`, their number; the bounds
                          * hold for each integer */
     SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
-    SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface; or stored,
-                         * a spec_surface * */
-    SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
-    SPEC_TYPE_GROUPS,   /* an array of objects with members of their own, from low to high of them */
-    SPEC_TYPE_FRAME_VALUES, /* members by frame, see spec/frame_values.h; a bool, whether it was given */
+    SPEC_TYPE_SURFACE,  /* an object with the members of /surface: a further part of the surface; or, if it
+                         * is stored, a spec_surface */
+    SPEC_TYPE_SURFACES, /* an array of such objects, low to high of them */
+    SPEC_TYPE_GROUPS,   /* an array of objects with members, low to high of them */
+    SPEC_TYPE_FRAME_VALUES, /* values by frame, see spec/frame_values.h; stored as a bool: they are given */
     SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
 
@@ -47,24 +46,24 @@ typedef enum spec_choice {
     SPEC_CHOICE_CURVATURE,
     SPEC_CHOICE_SCALE,
     SPEC_CHOICE_REGION,
-    SPEC_CHOICE_GRADING, /* from here on: at most one; before: exactly one */
+    SPEC_CHOICE_GRADING, /* choices from here on: at most one; before: exactly one */
     SPEC_CHOICE_VOXELS,
     SPEC_CHOICE_LENS,
     SPEC_CHOICE_COUNT
 } spec_choice;
 
 enum {
-    SPEC_REQUIRED = 1,  /* must be given, if the shape has it */
-    SPEC_LOW_OPEN = 2,  /* the low bound itself is not allowed */
-    SPEC_OPTIONAL = 4,  /* group: has no defaults; `has` stores whether it was given */
-    SPEC_SWITCH = 8,    /* group: may also be true or false; `has` stores which */
-    SPEC_OR_ZERO = 16,  /* 0 is allowed, too, though it is below the low bound */
-    SPEC_OR_ONE = 32,   /* strings: one string stands for an array of it */
-    SPEC_DEPENDENT = 64 /* the default depends on other members: spec/relations.c chooses it */
+    SPEC_REQUIRED = 1,  /* must be given if the shape has it */
+    SPEC_LOW_OPEN = 2,  /* the value must exceed the low bound */
+    SPEC_OPTIONAL = 4,  /* group: has no defaults; `has` stores whether it is given */
+    SPEC_SWITCH = 8,    /* group: may also be true or false, which `has` stores */
+    SPEC_OR_ZERO = 16,  /* 0 is permitted although it is below the low bound */
+    SPEC_OR_ONE = 32,   /* strings: a single string stands for an array of one */
+    SPEC_DEPENDENT = 64 /* the default depends on other members, see spec/relations.c */
 };
 
-/* What /solver/method may be by default; it depends on other groups. A member of one of these methods
- * belongs to all. */
+/* Possible defaults of /solver/method, which depend on other groups. A member of one of these methods
+ * belongs to all of them. */
 #define SPEC_DEFAULT_METHODS (1u << SPEC_METHOD_SIZED | 1u << SPEC_METHOD_PAPER)
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */
@@ -83,9 +82,10 @@ typedef struct spec_row {
     const char *otherwise;    /* the default as JSON; NULL: none */
     const char *const *words; /* of SPEC_TYPE_WORD and SPEC_TYPE_WORDS, ended by NULL */
     size_t offset,
-        has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
+        has; /* in struct spec, or for members of surfaces in struct spec_surface; `has`: offset of a bool
+              * (for lists: of a size_t) */
     const char *unit; /* NULL: none */
-    build_part part;  /* that the member belongs to; of a group also all of its members */
+    build_part part;  /* part of the build to which the member belongs, and for a group all of its members */
     const char *prose;
 } spec_row;
 
@@ -95,8 +95,8 @@ extern const size_t spec_row_count;
 /* The row of a group's member, NULL if there is none. `group` is a pointer ("" is the root). */
 const spec_row *spec_row_find(const char *group, const char *key);
 
-/* The rows of a group's members in their order, for any group that a row names, and for "". NULL: there is
- * no such group. */
+/* The rows of a group's members, in their order, for any group that has a row, and for "". NULL: there is no
+ * such group. */
 const spec_row *const *spec_rows_of(const char *group, size_t *count);
 
 /* Whether the row is a direct member of the group. */

@@ -98,7 +98,7 @@ typedef enum spec_points_mode {
     SPEC_POINTS_LIST(WORDS_ENUMERATOR, SPEC_POINTS) SPEC_POINTS_COUNT
 } spec_points_mode;
 
-/* /sampling/control/selection: of the particles that are split or deleted */
+/* /sampling/control/selection: how particles to split or delete are selected */
 #define SPEC_SELECTION_LIST(ENTRY, prefix) \
     ENTRY(prefix, BIASED, "biased")        \
     ENTRY(prefix, RANDOM, "random")
@@ -211,7 +211,8 @@ typedef enum spec_channels {
     SPEC_CHANNELS_LIST(WORDS_ENUMERATOR, SPEC_CHANNELS) SPEC_CHANNELS_COUNT
 } spec_channels;
 
-/* /attributes/type: what the values are, which says how a transform changes them and how formats call them */
+/* /attributes/type: the kind of the values, which determines how transforms change them and how formats name
+ * them */
 #define SPEC_ATTRIBUTE_LIST(ENTRY, prefix) \
     ENTRY(prefix, AUTO, "auto")            \
     ENTRY(prefix, FLOAT, "float")          \
@@ -242,8 +243,8 @@ typedef enum spec_interpolation {
 
 typedef enum spec_isa { SPEC_ISA_LIST(WORDS_ENUMERATOR, SPEC_ISA) SPEC_ISA_COUNT } spec_isa;
 
-/* /outcome/require: the measures of the report that a job may bound (doc/report.md); the last column: the
- * bound is a minimum */
+/* /outcome/require: measures of the report that a job can bound (doc/report.md); last column: the bound is a
+ * minimum */
 #define SPEC_REQUIRE_LIST(ENTRY, prefix)                      \
     ENTRY(prefix, HEX_FRACTION, hex_fraction, true)           \
     ENTRY(prefix, EDGE_CV, edge_cv, false)                    \

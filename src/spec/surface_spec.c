@@ -30,7 +30,7 @@ bool surface_spec_name_slices(spec_exr *x, int from, int step)
     return !frames_is_pattern(x->files[0]);
 }
 
-/* The number in the path of a stack is that of the slice. */
+/* The number in the path of a stack is that of the slice, so it is not replaced. */
 void surface_spec_set_frame(spec_surface *s, int frame)
 {
     char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path, &s->labels.path};

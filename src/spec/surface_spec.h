@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-/* surface_spec: the memory of a spec's surface, and its input files. Private to src/spec. */
+/* surface_spec: memory of a spec's surface, and its input files. Private to src/spec. */
 #ifndef HEXAD_SPEC_SURFACE_SPEC_H
 #define HEXAD_SPEC_SURFACE_SPEC_H
 
 #include "spec/spec.h"
 
 enum {
-    SURFACE_SPEC_MOST_SLICES = 65536,       /* of all stacks of a spec together */
-    SURFACE_SPEC_MOST_NAME_BYTES = 32 << 20 /* of their file names, which are made for each slice */
+    SURFACE_SPEC_MOST_SLICES = 65536,       /* maximum number of slices of all stacks of a spec */
+    SURFACE_SPEC_MOST_NAME_BYTES = 32 << 20 /* maximum bytes of the file names of all slices */
 };
 
-/* Reads the count from `slices`, and the first number and the step. False unless it is FIRST-LAST or
+/* Parses `slices`: sets the count, the first number and the step. False: it is not FIRST-LAST or
  * FIRST-LASTxSTEP with FIRST < LAST. */
 bool surface_spec_parse_slices(spec_exr *x, int *from, int *step);
 
-/* Makes the numbers and the file names. False unless `path` has exactly one place for a number. */
+/* Makes the numbers and the file names of the slices. False: `path` does not have exactly one place for a
+ * number. */
 bool surface_spec_name_slices(spec_exr *x, int from, int step);
 
 /* Inserts the frame number into the paths of the surface and its parts. */

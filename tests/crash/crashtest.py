@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes measurements/reliability/reliability.md."""
+"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; measurements/reliability has the results."""
 import argparse
 import datetime
 import json
@@ -14,12 +14,12 @@ import damage
 import faults
 import kills
 import mutations
-import page
 import power
 import reboots
 import restores
 import shortage
 import space
+import tables
 import volume
 from farm import Violation, setclock
 
@@ -39,7 +39,8 @@ def parse(words):
     parser.add_argument("--seed", default="1")
     parser.add_argument("--parts", default=",".join([*SHARES, "shortage", "faults", "power", "mutations"]),
                         help="which, perhaps none; figures of others are kept")
-    parser.add_argument("--page", type=pathlib.Path, help="where to write the page, from all parts' last figures")
+    parser.add_argument("--output", type=pathlib.Path,
+                        help="where to write the results of all parts' last figures, as CSV, with files for damage, faults and mutations beside it")
     return parser.parse_args(words)
 
 
@@ -91,10 +92,12 @@ def main(words):
                             "date": datetime.date.today().isoformat(),
                             "every": options.every}
         (work / f"{name}.json").write_text(json.dumps(figures, indent=1))
-    if options.page:
+    if options.output:
         known = {name: json.loads((work / f"{name}.json").read_text()) for name in parts
                  if (work / f"{name}.json").exists()}
-        options.page.write_text(page.write(known))
+        for row in tables.quantities(known):
+            say(", ".join(map(str, row)))
+        tables.write(known, options.output)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ import reboots  # noqa: E402
 import restores  # noqa: E402
 import shortage  # noqa: E402
 import space  # noqa: E402
+import tables  # noqa: E402
 import volume  # noqa: E402
 
 pytestmark = pytest.mark.extended
@@ -107,6 +108,20 @@ def test_power_losses(supervision, build, tmp_path, diagnose):
 def test_mutations_are_seen(supervision, build, tmp_path, diagnose):
     """One fault of the database and one of the results; `make crashtest` makes all of them."""
     assert len(mutations.run(build, tmp_path, SEED, diagnose, some=(0, 9))) == 2
+
+
+def test_results_have_a_row_for_each_quantity(tmp_path):
+    about = {"seed": "1", "minutes": 3.2, "kernel": "6.1", "every": 1}
+    figures = {"damage": {"kills": 3, "drains": 1, "about": about, "damage": {"truncated": {"harmless": 2, "served and said so": 1}}},
+               "faults": {"calls": 10, "faults": 2, "about": about, "table": {"read|EIO": {"went on": 1}, "fsync|EIO": {"said so": 1}}}}
+    tables.write(figures, tmp_path / "crash.csv")
+    assert {row["quantity"]: row["measured"] for row in tables.results.read(tmp_path / "crash.csv")} == {
+        "all: kills of the daemon or its workers": "3", "damage: kills": "3", "damage: drains": "1", "damage: seed": "1", "damage: minutes": "3",
+        "damage: kernel": "Linux 6.1", "faults: system calls from the start to a served result": "10", "faults: runs": "2",
+        "faults: one in so many calls was tried": "1", "faults: seed": "1", "faults: minutes": "3", "faults: kernel": "Linux 6.1"}
+    assert (tmp_path / "crash_damage.csv").read_text() == "damage,refused_to_start,reported,harmless\ntruncated,0,1,2\n"
+    assert (tmp_path / "crash_faults.csv").read_text().splitlines()[1:] == ["fsync EIO,0,1,0,0", "read EIO,1,0,0,0", "all,1,1,0,0"]
+    assert not (tmp_path / "crash_mutations.csv").exists()
 
 
 def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "meshes")]
 import features  # noqa: E402
 import meshes  # noqa: E402
+import results  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
 
@@ -116,10 +117,10 @@ def test_dents_as_large_as_the_spacing_are_reached(build, tmp_path, diagnose, mo
     assert float(cells[-1][0]) < 0.36
 
 
-def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
-    """A run that is cut short leaves its rows, and what stands below the table stays."""
-    page = tmp_path / "page.md"
-    page.write_text("# Title\n\n| old |\n|---|\n| row |\n\nNotes.\n\n| note |\n\nEnd.\n")
+def test_rows_are_written_as_they_are_made(tmp_path, monkeypatch):
+    """A run that is interrupted leaves its rows."""
+    file = tmp_path / "features.csv"
+    file.write_text("mesh\nold\n")
     report = {"timing_s": {"total": 1.0}}
     given = meshes.Mesh(numpy.eye(3), numpy.array([[0, 1, 2]]))
 
@@ -129,12 +130,10 @@ def test_a_page_is_written_as_it_is_made(tmp_path, monkeypatch):
         return given, report, None, 0.5
 
     monkeypatch.setattr(features, "resolve", resolve)
-    monkeypatch.setattr(features, "measure", lambda *_: (("7", True), ("8", False)))
-    monkeypatch.setattr(sys, "argv", ["features.py", "--worker", "w", "--output", str(page), "--data", str(tmp_path)])
-    try:
+    monkeypatch.setattr(features, "measure", lambda *_: tuple((str(k), k != 1) for k in range(8)))
+    monkeypatch.setattr(sys, "argv", ["features.py", "--worker", "w", "--output", str(file), "--data", str(tmp_path)])
+    with pytest.raises(KeyboardInterrupt):
         features.main()
-    except KeyboardInterrupt:
-        pass
-    lines = page.read_text().splitlines()
-    assert lines[-5:] == ["Notes.", "", "| note |", "", "End."] and "1 bounds are missed" in lines[2] and "| row |" not in lines
-    assert [line for line in lines if line.startswith("|")][-2] == f"| {features.CASES[0]} | 500.00 | 7 | **8** | 1 |"
+    (row,) = results.read(file)
+    assert list(row) == list(features.HEADER) and row["mesh"] == features.CASES[0]
+    assert (row["least_spacing_thousandths"], row["points"], row["outcome"], row["missed"]) == ("500.00", "0", "1", "outcome")

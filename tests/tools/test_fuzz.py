@@ -131,7 +131,7 @@ def give_wrong(build, source, folder, *words, **more):
 
 @pytest.mark.sanitized
 def test_wrong_values_of_every_member_are_refused(build, source, tmp_path):
-    """Alone and in pairs, in one process. These specs have every kind of the faults that measurements/reliability/fuzzing.md lists."""
+    """Alone and in pairs, in one process. These specs have every kind of the faults that measurements/reliability/fuzz_faults.csv lists."""
     told = give_wrong(build, source, tmp_path, "lines", "--program", build / "fuzz" / "lines_spec", "--runs", "5000")
     assert "5000 lines" in told
 

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """measurements/inputs/inputs.py on a collection of a few files: one that is good and one that is not, of each kind."""
+import pathlib
 import subprocess
 import sys
 
 import numpy
 import pytest
 
-sys.path.insert(0, str(__import__("pathlib").Path(__file__).resolve().parent.parent / "service"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "service"), str(ROOT / "measurements" / "common")]
+import results  # noqa: E402
 from volumes import Part, write_exr, write_nrrd  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
@@ -38,45 +41,60 @@ def collection(tmp_path, build):
 
 def test_every_file_has_its_row(collection, source, build, tmp_path):
     done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", build / "hexad-worker",
-                           "--data", collection, "--output", tmp_path / "page.md", "--counts", "500", "1000"], capture_output=True, text=True)
-    text = (tmp_path / "page.md").read_text()
+                           "--data", collection, "--output", tmp_path / "files.csv", "--summary", tmp_path / "folders.csv",
+                           "--agreement", tmp_path / "agreement.csv", "--counts", "500", "1000"], capture_output=True, text=True)
+    text = (tmp_path / "files.csv").read_text()
     assert done.returncode == 0, text
     assert str(tmp_path) not in text
     rows = {}
-    for line in text.splitlines():
-        if line.startswith("| ") and not line.startswith("| file"):
-            name, surface, count, *figures, said = (c.strip() for c in line.replace("\\|", "!").strip("|").split("|"))
-            rows.setdefault(name, []).append((surface, count, figures, said))
-    assert set(rows) == {"good.off", "good.vdb", "good.nrrd", "other.vti", "good.exr", "parts.exr", "cut!off.exr", "no.vdb"}
+    for row in results.read(tmp_path / "files.csv"):
+        rows.setdefault(row["file"], []).append(row)
+    assert len({row["job"] for found in rows.values() for row in found}) == sum(map(len, rows.values()))  # the first column names the row
+    assert set(rows) == {"good.off", "good.vdb", "good.nrrd", "other.vti", "good.exr", "parts.exr", "cut|off.exr", "no.vdb"}
     for name in ("good.off", "good.vdb", "good.nrrd", "parts.exr"):
-        assert [(count, figures[0] != "error") for _, count, figures, _ in rows[name]] == [("500", True), ("1000", True)], rows[name]
-    coverage, missing = (f.split(" / ")[1] for f in rows["good.off"][0][2][6:8])
-    assert 0.4 < float(coverage) < 1 and missing == "0.00%"
-    (surface, _, _, said), = rows["good.exr"]  # its first channel is 0 everywhere
-    assert 'channel "A"' in surface and said.startswith("`no_surface`")
-    assert 'part "l"' in rows["parts.exr"][0][0] and "isovalue" in rows["good.nrrd"][0][0]
-    assert rows["other.vti"][0][3].startswith("`input_unsupported`")
-    assert rows["cut!off.exr"][0][3].startswith("`input_damaged`") and rows["no.vdb"][0][3].startswith("`input_damaged`")
+        assert [(row["points"], row["outcome"] != "error") for row in rows[name]] == [("500", True), ("1000", True)], rows[name]
+    assert 0.4 < float(rows["good.off"][0]["measured_coverage"]) < 1 and rows["good.off"][0]["measured_missing_share"] == "0"
+    (row,) = rows["good.exr"]  # its first channel is 0 everywhere
+    assert "channel A" in row["surface"] and row["code"] == "no_surface" and row["message"]
+    assert "part l" in rows["parts.exr"][0]["surface"] and "isovalue" in rows["good.nrrd"][0]["surface"]
+    assert [rows[name][0]["code"] for name in ("other.vti", "cut|off.exr", "no.vdb")] == ["input_unsupported", "input_damaged", "input_damaged"]
+    folders = {row["folder"]: row for row in results.read(tmp_path / "folders.csv")}
+    assert [folders["all"][name] for name in ("files", "results", "errors", "unsound")] == ["8", "8", "4", "0"]
+    assert [folders["malformed"][name] for name in ("files", "results", "input_damaged")] == ["2", "0", "2"]
+    measures = {row["measure"]: row for row in results.read(tmp_path / "agreement.csv")}
+    assert measures["coverage"]["meshes"] == "2" and float(measures["coverage"]["difference_largest"]) < 0.2
 
 
-def test_a_table_is_made_in_pieces(collection, source, build, tmp_path):
-    """Rows of the same worker stay, those of another are made again; a piece that has no time ends with 3."""
+def test_results_are_made_in_pieces(collection, source, build, tmp_path):
+    """Rows of the same worker stay, rows of another are made again; a piece without time ends with 3."""
     def make(*options):
         done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", worker, "--data", collection,
-                               "--output", page, "--counts", "500", "--only", "malformed", "--resume", *options],
+                               "--output", file, "--counts", "500", "--only", "malformed", "--resume", *options],
                               capture_output=True, text=True)
-        return done.returncode, done.stderr.count("| error |")
-    worker, page = tmp_path / "worker", tmp_path / "page.md"
+        return done.returncode, done.stderr.count(", error, ")
+    worker, file = tmp_path / "worker", tmp_path / "files.csv"
     worker.write_text(f'#!/bin/sh\nexec "{build}/hexad-worker" "$@"\n')
     worker.chmod(0o755)
-    assert make("--seconds", "0") == (3, 0) and not page.exists()
+    assert make("--seconds", "0") == (3, 0) and not file.exists()
     assert make() == (0, 2)
-    whole = page.read_text()
-    assert make() == (0, 0) and page.read_text() == whole
-    page.write_text(whole.replace("| no.vdb | vdb |", "| no.vdb | kept |"))
-    assert make() == (0, 0) and "| no.vdb | kept |" in page.read_text()
+    whole = file.read_text()
+    assert make() == (0, 0) and file.read_text() == whole
+    file.write_text(whole.replace("no.vdb,vdb,", "no.vdb,kept,"))
+    assert make("--only", "no.vdb") == (0, 0) and "no.vdb,kept," in file.read_text()
     worker.write_text(worker.read_text() + "# another\n")
-    assert make() == (0, 2) and "| no.vdb | vdb |" in page.read_text()
+    assert make() == (0, 2) and "no.vdb,vdb," in file.read_text()
+
+
+def test_summaries_agree_with_the_results(source, monkeypatch):
+    """Those of the repository."""
+    for folder in ("common", "inputs"):
+        monkeypatch.syspath_prepend(str(source / "measurements" / folder))
+    import inputs
+    folder = source / "measurements/inputs"
+    rows = [list(row.values()) for row in results.read(folder / "files.csv")]
+    assert len({row[0] for row in rows}) == len(rows) > 300 and all(len(row) == len(inputs.HEADER) for row in rows)
+    for file, found in (("folders.csv", inputs.summary(rows)), ("agreement.csv", inputs.agreement(rows))):
+        assert [list(row.values()) for row in results.read(folder / file)] == [list(map(str, row)) for row in found]
 
 
 CORNER = 1.0 * numpy.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
@@ -195,5 +213,6 @@ def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
     worker.write_text("#!/bin/sh\nkill -SEGV $$\n")
     worker.chmod(0o755)
     done = subprocess.run([sys.executable, "-B", source / "measurements/inputs/inputs.py", "--worker", worker, "--data", collection,
-                           "--only", "good.off", "--output", tmp_path / "page.md"], capture_output=True, text=True)
-    assert done.returncode == 1 and "**an error that is not" in (tmp_path / "page.md").read_text()
+                           "--only", "good.off", "--output", tmp_path / "files.csv"], capture_output=True, text=True)
+    (row,) = results.read(tmp_path / "files.csv")
+    assert done.returncode == 1 and row["unsound"] == "an error that is not the file's"

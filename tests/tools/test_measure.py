@@ -15,6 +15,7 @@ sys.path[:0] = [str(PACKING), str(PACKING.parent / "common")]
 import measure  # noqa: E402
 import meshes  # noqa: E402
 import quality  # noqa: E402
+import results  # noqa: E402
 import surfaces  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
@@ -325,22 +326,22 @@ def run_quality(build, tmp_path, *names):
     cases.write_text(json.dumps(CASES))
     more = [word for name in names for word in ("--case", name)]
     done = subprocess.run([sys.executable, PACKING / "quality.py", "--worker", build / "hexad-worker", "--cases", cases,
-                           "--output", tmp_path / "quality.md", "--threads", "1", *more], capture_output=True, text=True)
-    return done, (tmp_path / "quality.md").read_text()
+                           "--output", tmp_path / "quality.csv", "--threads", "1", *more], capture_output=True, text=True)
+    return done, results.read(tmp_path / "quality.csv")
 
 
 def test_a_case_from_start_to_end(build, tmp_path):
-    done, page = run_quality(build, tmp_path, "ball", "not there")
+    done, rows = run_quality(build, tmp_path, "ball", "not there")
     assert done.returncode == 0, done.stderr
-    (ball,) = [line for line in page.splitlines() if line.startswith("| ball |")]
-    assert quality.FINE in ball
-    assert "skipped: there is no meshes/no such mesh.obj" in page
+    ball, missing = rows
+    assert ball["outcome"] == "converged" and float(ball["hex_fraction"]) > 0.9 and ball["faults"] == ""
+    assert missing["case"] == "not there" and "skipped: there is no meshes/no such mesh.obj" in missing["faults"]
 
 
 def test_a_missed_bound_is_told(build, tmp_path):
-    done, page = run_quality(build, tmp_path, "perfect ball")
+    done, (row,) = run_quality(build, tmp_path, "perfect ball")
     assert done.returncode == 1
-    assert "perfect ball: hex_fraction" in done.stderr and "bound >= 1.0" in page
+    assert "perfect ball: hex_fraction" in done.stderr and "bound >= 1.0" in row["faults"]
 
 
 def test_the_table_of_cases(source):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""measurements/messages/mistakes.py: messages of typical mistakes name their object and what to do, and the page lists every mistake."""
+"""measurements/messages/mistakes.py: messages of typical mistakes name their object and what to do, and the results have every mistake."""
 import pathlib
 import sys
 
@@ -7,6 +7,7 @@ import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "messages"))
 import mistakes  # noqa: E402
+from mistakes import results  # noqa: E402
 
 QUICK = {
     "comment in JSON", "misspelt member", "count 0", "wrong path", "wrong grid", "isovalue out of range",
@@ -34,8 +35,7 @@ def test_a_message_without_its_parts_is_a_fault(result, message, fault):
     assert not faults if fault is None else len(faults) == 1 and fault in faults[0]
 
 
-def test_the_page_lists_every_mistake(source):
-    page = (source / "measurements/messages/messages.md").read_text()
-    rows = [line.split(" | ")[0].removeprefix("| ") for line in page.splitlines() if line.startswith("| ")]
-    assert len(mistakes.all_rows()) >= 80
-    assert {mistakes.cell(row[1]) for row in mistakes.all_rows()} <= set(rows)
+def test_the_results_have_every_mistake(source):
+    rows = [row["mistake"] for row in results.read(source / "measurements/messages/messages.csv")]
+    assert len(rows) == len(set(rows)) >= 80
+    assert {mistakes.name_of(row) for row in mistakes.all_rows()} == set(rows)

@@ -12,16 +12,19 @@ sys.path[:0] = [str(MEASURES), str(MEASURES.parent / "common")]
 
 import measure  # noqa: E402
 import referee  # noqa: E402
+import results  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
 
 
-def test_reported_and_recomputed_values_agree(build):
+def test_reported_and_recomputed_values_agree(build, tmp_path):
     done = subprocess.run([sys.executable, MEASURES / "referee.py", "--worker", build / "hexad-worker", "--seeds", "1",
-                           "--only", "quartic"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+                           "--only", "quartic", "--output", tmp_path / "referee.csv"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
     assert "agree within 20%" in done.stdout
-    assert len([line for line in done.stdout.splitlines() if line.startswith("| quartic")]) == len(referee.WAYS)
+    rows = results.read(tmp_path / "referee.csv")
+    assert [row["row"] for row in rows] == [f"quartic (15): {name}" for name, _, _ in referee.WAYS]
+    assert {float(row["step_left_ratio_largest"]) for row in rows} == {1}
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,11 @@ def test_what_is_wrong_is_found(job, member):
         points = measure.PointSet(points.position, points.normal, points.spacing,
                                   column if member == "alpha" else points.alpha, {**points.columns, member: column})
     assert any(member in words for words in referee.disagreements(referee.compare(surface, report, points)))
+
+
+def test_the_summary_is_that_of_the_results(tmp_path):
+    subprocess.run([sys.executable, MEASURES / "differences.py", "--output", tmp_path / "differences.csv"], check=True, capture_output=True)
+    assert (tmp_path / "differences.csv").read_text() == (MEASURES / "differences.csv").read_text()
 
 
 def test_derivatives_of_a_spline():

@@ -6,8 +6,9 @@ import sys
 import numpy
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "sequences"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / folder) for folder in ("common", "sequences")]
 
+import results  # noqa: E402
 import sequence  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
@@ -45,5 +46,7 @@ def test_a_measure_that_misses_is_told(tmp_path):
     assert sequence.is_good({}, good) and sequence.is_good({}, {**good, "median": None})
     for bad in ({"hex": 0.9}, {"median": 0.11}):
         assert not sequence.is_good({}, {**good, **bad})
-        sequence.write_page(tmp_path / "page.md", {"torus": [{**good, **bad}]})
-        assert "missed" in (tmp_path / "page.md").read_text()
+        sequence.write_results(tmp_path / "sequences.csv", {"torus": [good, {**good, **bad}], "smoke": "skipped"})
+        torus, smoke = results.read(tmp_path / "sequences.csv")
+        assert torus["missed"] == "1" and smoke["missed"] == "skipped"
+        assert [row["row"] for row in results.read(tmp_path / "sequences_frames.csv")] == ["torus 2", "torus 2"]

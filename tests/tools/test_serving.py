@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark of the service: a short run of it, and that its clients see what is wrong."""
 import pathlib
-import re
 import subprocess
 import sys
 
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "service"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "service"), str(ROOT / "measurements" / "common")]
 
+import results  # noqa: E402
 from service import Service  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
@@ -24,16 +25,19 @@ def service(build, tmp_path):
 
 
 def test_a_short_run_has_all_its_parts(source, build, tmp_path):
-    page = tmp_path / "page.md"
-    done = subprocess.run([sys.executable, "-B", source / "measurements/service/serving.py", "--built", build, "--page", page,
+    output = tmp_path / "service.csv"
+    done = subprocess.run([sys.executable, "-B", source / "measurements/service/serving.py", "--built", build, "--output", output,
                            *SHORT], capture_output=True, text=True)
     assert done.returncode in (0, 1), done.stderr  # 1: a ratio of so short a run is none
-    text = page.read_text()
-    rows = re.findall(r"^\| (.+?) \| (?:at|1|0)\b.*\| (?:met|\*\*missed\*\*|not in this run) \|$", text, re.MULTILINE)
-    assert [r.split(" ")[0] for r in rows] == ["list", "status", "Status", "1", "-", "Submissions", "1", "A", "-", "A", "-"]
-    assert "- 40 open event streams of 2 jobs that ran: 40 had every event until the job's end" in text
-    assert re.search(r"^\| 1024 \| \d+ \| [\d.]+ \| [\d.]+ \| [\d.]+ \|$", text, re.MULTILINE)
-    assert not re.search(r"\b(nan|inf)\b", text) and str(tmp_path) not in text
+    rows = {row["quantity"]: row for row in results.read(output)}
+    claims = [name for name, row in rows.items() if row["bound"]]
+    assert {rows[name]["outcome"] for name in claims} <= {"met", "missed", "not judged"}
+    assert [name.split(" ")[0] for name in claims] == ["List", "Status", "Status", "1", "Largest", "Submissions", "1", "A", "Busy", "A", "Busy"]
+    assert rows["Open event streams with every event until the job's end"]["measured"] == rows["Open event streams"]["measured"] == "40"
+    connections = results.read(tmp_path / "connections.csv")
+    assert connections[-1]["busy_connections"] == "1024" and all(float(value) >= 0 for row in connections for value in row.values())
+    text = output.read_text()
+    assert "nan" not in text and "inf" not in text and str(tmp_path) not in text
 
 
 def test_the_client_counts_answers_that_are_failures(service, build, tmp_path):

@@ -4,15 +4,16 @@
 `measurements/reliability/soak.py` runs for an hour by default."""
 import json
 import pathlib
-import re
 import signal
 import subprocess
 import sys
 
 import pytest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "reliability"))
+MEASUREMENTS = pathlib.Path(__file__).resolve().parents[2] / "measurements"
+sys.path[:0] = [str(MEASUREMENTS / "reliability"), str(MEASUREMENTS / "common")]
 
+import results  # noqa: E402
 import verdicts  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
@@ -21,7 +22,7 @@ MINUTES = 0.2  # 50 jobs, so that each kind of measurements/reliability/soak.py 
 
 
 def words(source, build, where, *more):
-    return [sys.executable, "-B", source / "measurements/reliability/soak.py", "--built", build, "--page", where / "soak.md", "--figures",
+    return [sys.executable, "-B", source / "measurements/reliability/soak.py", "--built", build, "--output", where / "soak.csv", "--figures",
             where / "soak.json", "--minutes", str(MINUTES), *more]
 
 
@@ -37,9 +38,11 @@ def test_a_short_load_leaves_nothing_behind(source, build, tmp_path):
     assert wanted <= judged
     assert told["parts"][-1]["held"] >= round(10000 * MINUTES / 60)
     assert sum(p["jobs"] for p in told["parts"]) > 200 * MINUTES
-    page = (tmp_path / "soak.md").read_text()
-    assert len(re.findall(r"^\| .* \| (?:met|not in this run) \|$", page, re.MULTILINE)) == len(told["verdicts"])
-    assert not re.search(r"\b(nan|inf)\b", page) and str(tmp_path) not in page
+    rows = results.read(tmp_path / "soak.csv")
+    assert [row["outcome"] in ("met", "not judged") for row in rows if row["bound"]] == [True] * len(told["verdicts"])
+    tenths = results.read(tmp_path / "soak_tenths.csv")
+    assert [row["tenth"] for row in tenths] == [str(n) for n in range(1, 11)]
+    assert all(float(value) >= 0 for row in tenths for value in row.values())
 
 
 def test_a_run_that_is_broken_off_prints_what_it_has(source, build, tmp_path):
@@ -47,9 +50,9 @@ def test_a_run_that_is_broken_off_prints_what_it_has(source, build, tmp_path):
         assert run.stdout.readline().startswith("tenth 1: ")
         run.send_signal(signal.SIGINT)
         out, err = run.communicate()
-    assert run.returncode == 2 and "broken off" in out and "| jobs ended | " in out, out + err
+    assert run.returncode == 2 and "broken off" in out and "tenth, jobs_ended, " in out, out + err
     assert json.loads((tmp_path / "soak.json").read_text())["whole"] is False
-    assert not (tmp_path / "soak.md").exists()
+    assert not (tmp_path / "soak.csv").exists()
 
 
 def parts(jobs=1440, waiting=1000):

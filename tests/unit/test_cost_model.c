@@ -101,9 +101,9 @@ static void assert_between(double x, double low, double high)
     if (!(x >= low && x <= high)) fail_msg("%g is not between %g and %g", x, low, high);
 }
 
-/* The sweeps of meshes with 10 000 points take 4.4 times as long as those with 2 500 (median of
- * measurements/inputs/estimates.md), and the jobs with 50 000 points 1.7 times as long as those with 10 000 (median
- * of measurements/meshes/meshes.md). */
+/* The sweeps of meshes with 10 000 points take 4.4 times as long as those with 2 500 (median over the meshes of
+ * measurements/inputs/estimated_time.csv), and the jobs with 50 000 points 1.7 times as long as those with 10 000
+ * (median of measurements/meshes/counts.csv). */
 static void work_by_levels_grows_as_times_do(void **state)
 {
     (void)state;

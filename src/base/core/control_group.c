@@ -74,8 +74,8 @@ static bool has_word(const char *list, const char *word)
     return false;
 }
 
-/* Removes groups of earlier runs. Only empty groups can be removed, and no group is being created: none is
- * in use. */
+/* Removes groups of earlier runs. Groups in use are not empty and are not removed. No group is created at
+ * this time. */
 static void sweep(const control_groups *groups)
 {
     int fd = openat(groups->directory, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);

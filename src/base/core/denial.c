@@ -62,8 +62,8 @@ static char *find_existing(const char *path, struct stat *info)
     return place;
 }
 
-/* The command, which the caller frees. `path`: a directory of the service that does not exist; NULL: the
- * place is what is needed. */
+/* The command that permits the access; the caller frees it. `path`: a directory of the service that does not
+ * exist yet; NULL: `place` itself is needed. */
 static char *command_for(const char *place, const char *path, const struct stat *info, const names *own,
                          denial_need need)
 {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* denial: the file or directory that denies this process access, for messages about EACCES and EPERM.
  *
- * A message names its owner, group and mode, what this process needs, and a command for root that permits it.
- * The process is the service: a command that a user types says something else (hexadctl token).
+ * A message names its owner, group and mode, what this process needs, and a command for root that permits
+ * it. The process is the service. Commands that users run (hexadctl token) have messages of their own.
  */
 #ifndef HEXAD_BASE_CORE_DENIAL_H
 #define HEXAD_BASE_CORE_DENIAL_H

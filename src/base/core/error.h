@@ -31,7 +31,7 @@
     ENTRY(prefix, NO_SURFACE, "no_surface")                                                            \
     ENTRY(prefix, LIMIT_MEMORY, "limit_memory")                                                        \
     ENTRY(prefix, LIMIT_TIME, "limit_time")                                                            \
-    ENTRY(prefix, LIMIT_FILE, "limit_file") /* a file is longer than allowed: file_mb */               \
+    ENTRY(prefix, LIMIT_FILE, "limit_file") /* a file exceeds the limit file_mb */                     \
     ENTRY(prefix, STALLED, "stalled")                                                                  \
     ENTRY(prefix, CANCELLED, "cancelled")                                                              \
     ENTRY(prefix, DEPENDENCY_FAILED, "dependency_failed")                                              \

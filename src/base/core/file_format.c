@@ -17,7 +17,7 @@ static bool is_step(const char *data, size_t size)
     return !ifc || !end || ifc > end;
 }
 
-/* Lines of 80 characters: the 73rd of the first section is S, and its number follows. */
+/* IGES has lines of 80 characters; in the first section column 73 is S, followed by the line number. */
 static bool is_iges(const char *data, size_t size)
 {
     enum { SECTION = 72, NUMBER = 7 };
@@ -174,9 +174,9 @@ const file_format_row file_formats[FILE_FORMATS] = {
 };
 // clang-format on
 
-/* ---- recognising */
+/* ---- recognition */
 
-/* Whether the name ends so, or is the ending without its dot. */
+/* Whether the name ends with the ending, or equals it without its dot. */
 static bool ends_with(const char *name, const char *ending)
 {
     const size_t length = strlen(name), n = strlen(ending + 1);

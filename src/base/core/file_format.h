@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* file_format: the registry of file formats, constant data: what a format is called, how its files are
- * recognised, what they hold, and what to do with a file that is not read.
+/* file_format: the registry of file formats, constant data: the name of each format, how its files are
+ * recognised, their contents, and advice about files that are not read.
  *
  * Functions of formats are in tables by file_format: readers in io/meshes/plain_mesh and
  * io/volumes/volume_file, writers in io/points/writers. Tests compare the tables and doc/formats.md with the
@@ -13,7 +13,7 @@
 #include <stddef.h>
 
 typedef enum file_format {
-    FILE_FORMAT_UNKNOWN, /* none of the others; it may be a mesh that the library assimp reads */
+    FILE_FORMAT_UNKNOWN, /* no known format; the file may be a mesh that the library assimp reads */
     FILE_FORMAT_PLY,
     FILE_FORMAT_OBJ,
     FILE_FORMAT_STL,
@@ -78,7 +78,7 @@ typedef enum file_format_reading {
 
 enum { FILE_FORMAT_ENDINGS = 5, FILE_FORMAT_BEGINNINGS = 4 };
 
-/* Bytes at a place of each file. length 0: any. */
+/* Bytes at a given offset of each file of the format. length 0: any bytes. */
 typedef struct file_format_bytes {
     size_t at, length;
     const char *bytes;
@@ -86,45 +86,48 @@ typedef struct file_format_bytes {
 
 typedef struct file_format_row {
     const char *name;
-    /* of names of files, in lower case, from the dot on; files that are written have the first */
+    /* endings of file names, in lower case, with the dot; written files have the first one */
     const char *ending[FILE_FORMAT_ENDINGS];
-    file_format_bytes beginning[FILE_FORMAT_BEGINNINGS]; /* any of these identifies the format */
-    const char *within;                        /* a text in the head of a file identifies it; or NULL */
-    bool (*is)(const char *data, size_t size); /* a test of the bytes identifies it; or NULL */
+    /* any of these at the beginning of a file identifies the format */
+    file_format_bytes beginning[FILE_FORMAT_BEGINNINGS];
+    const char *within;                        /* this text in the head of a file identifies the format; or
+                                                * NULL */
+    bool (*is)(const char *data, size_t size); /* tests the bytes of a file; or NULL */
     file_format_kind kind;
     file_format_reading reading;
     bool is_written;
-    bool has_points;          /* points can be given in such files */
-    bool positions_only;      /* of the vertices of its meshes only positions are read */
+    bool has_points;          /* such files can be used as given points */
+    bool positions_only;      /* only the positions of mesh vertices are read */
     bool has_floats;          /* positions are written as floats, relative to an origin */
-    bool is_misread;          /* assimp takes files that end so, and reads them wrongly */
-    bool z_up;                /* the axis z points up; otherwise y */
-    bool up_varies;           /* files exist with either axis */
-    const char *content_type; /* of HTTP, of files that are written; NULL: bytes */
-    /* What to do with a file of the format: the sentences of the message if it is given as a mesh and not
-     * read as one; the words behind "the file is " if it is given as a dense volume; the sentence if it is an
-     * image of a stack of OpenEXR. NULL: there is no advice. For a format that is read, as_mesh is for a
-     * file with a foreign ending. */
+    bool is_misread;          /* assimp accepts files with these endings, but reads them wrongly */
+    bool z_up;                /* z points up in such files; otherwise y */
+    bool up_varies;           /* in some files y points up, in others z */
+    const char *content_type; /* HTTP content type of written files; NULL: application/octet-stream */
+    /* Advice about a file of the format. as_mesh: complete sentences, if it is given as a mesh and is not
+     * read. as_volume: the text after "the file is ", if it is given as a dense volume. as_image: a
+     * sentence, if it is an image of an OpenEXR stack. NULL: no advice. For a format that is read, as_mesh
+     * is used if the file has an ending of another format. */
     const char *as_mesh, *as_volume, *as_image;
 } file_format_row;
 
 extern const file_format_row file_formats[FILE_FORMATS];
 
-/* Bytes that are the head of a file. */
+/* Number of bytes at the beginning of a file that are examined. */
 enum { FILE_FORMAT_HEAD = 1024 };
 
-/* By a name, a path or an ending without its dot, in any case. If two formats have the ending, the one that
- * has it nearer to the front of its row. */
+/* The format by a name, a path or an ending without its dot, in any case. If several formats have the
+ * ending, the one that lists it earlier in its row. */
 file_format file_format_of_name(const char *name);
 
 /* Whether files of the format may have this name, path or ending. */
 bool file_format_has_ending(file_format format, const char *name);
 
-/* By the bytes of a file: its head, or all. data[size] is 0. */
+/* The format by the bytes of a file: its head, or all. data[size] is 0. */
 file_format file_format_of_bytes(const char *data, size_t size);
 
-/* By the head of an open file and its name. The bytes decide for formats of grids, volumes and images that
- * are read; then the name, because many meshes are text without a mark; then the bytes. */
+/* The format by the head and the name of an open file. The bytes decide for formats of grids, volumes and
+ * images that are read. Otherwise the name decides, because many meshes are text without a signature; then
+ * the bytes. */
 file_format file_format_of_file(int fd, const char *name);
 
 #endif

@@ -42,8 +42,8 @@ bool log_level_from_name(const char *name, log_level *level)
 #define VALUE_SIZE 64
 
 typedef struct field {
-    const char *key;  /* in the message, with a space before it */
-    const char *name; /* in the journal */
+    const char *key;  /* key in the message, preceded by a space */
+    const char *name; /* name of the field in the journal */
 } field;
 
 static const field fields[] = {

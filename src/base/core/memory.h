@@ -21,7 +21,7 @@ char *mem_strndup(const char *text, size_t length);
 char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
 char *mem_print_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
-/* What a limit leaves beside `held` bytes; 0 if these exceed it. */
+/* The bytes of a limit that remain if `held` bytes are used; 0 if these exceed it. */
 static inline size_t mem_left(size_t limit, size_t held)
 {
     return limit > held ? limit - held : 0;

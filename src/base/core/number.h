@@ -23,7 +23,7 @@ typedef enum number_type {
     NUMBER_TYPES
 } number_type;
 
-/* Whether numbers of a file in this byte order are in the other order than the machine's. */
+/* Whether a file in this byte order has the opposite order to that of the machine. */
 enum {
     NUMBER_LITTLE_SWAPPED = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__,
     NUMBER_BIG_SWAPPED = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
@@ -76,7 +76,7 @@ static inline uint64_t number_bits(const void *at, size_t bytes, bool swapped)
     }
 }
 
-/* A number of a whole type; of 64 bits without a sign at most INT64_MAX. */
+/* A number of an integer type. Values of uint64 are clamped to INT64_MAX. */
 static inline int64_t number_whole(const void *at, number_type type, bool swapped)
 {
     const uint64_t bits = number_bits(at, number_bytes(type), swapped);

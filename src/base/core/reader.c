@@ -48,7 +48,7 @@ bool reader_start(const reader_params *p, reader *out, error *e)
     snprintf(memory, sizeof memory, "%zu", p->memory_limit);
     snprintf(seconds, sizeof seconds, "%u", p->seconds);
     char *arguments[] = {program, (char *)p->command, (char *)p->argument, memory, seconds, NULL};
-    int ends[2]; /* this process, the new process */
+    int ends[2]; /* ends[0]: of this process; ends[1]: of the new process */
     bool talks = p->fd < 0;
     if ((talks ? socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) : pipe2(ends, O_CLOEXEC)) != 0)
         return error_set(e, ERROR_INTERNAL, "no pipe to read the file through: %s", strerror(errno));

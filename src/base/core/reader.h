@@ -36,7 +36,7 @@ typedef struct reader_head {
     uint64_t magic;
     uint32_t code;        /* an error_code; ERROR_NONE: the answer follows */
     uint32_t text_length; /* at most READER_MESSAGE_MAX if `code` is an error */
-    uint64_t size;        /* of the struct that is answered; 0 if `code` is an error */
+    uint64_t size;        /* size of the struct of the answer; 0 if `code` is an error */
 } reader_head;
 
 enum { READER_MESSAGE_MAX = sizeof((error *)0)->message - 1 };
@@ -78,7 +78,7 @@ bool reader_receive(void *request, size_t size, int *file);
  * process answers; input_damaged. */
 bool reader_get_answer(reader *r, void *answer, size_t size, char **text, size_t most, error *e);
 
-/* Receives what an answer announces. Error: input_damaged. */
+/* Receives data whose count the answer states. Error: input_damaged. */
 bool reader_get(reader *r, void *to, size_t size, size_t count, error *e);
 
 /* Replaces control characters of a text that may quote a file, except those in `kept`, by spaces. */

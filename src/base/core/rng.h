@@ -13,6 +13,6 @@ typedef struct rng {
 /* `stream` selects independent generators for one seed. */
 rng rng_seed(uint64_t seed, uint64_t stream);
 uint64_t rng_next(rng *r);
-double rng_uniform(rng *r); /* in [0, 1), 53 bits */
+double rng_uniform(rng *r); /* uniform in [0, 1), 53 bits */
 
 #endif

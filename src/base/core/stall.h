@@ -11,7 +11,7 @@
 typedef struct stall {
     const char *loop;   /* subject of the log line, such as "the supervisor" */
     const char *effect; /* what does not happen meanwhile */
-    uint64_t turns;     /* of the loop, at the last call at which it had advanced */
+    uint64_t turns;     /* turns of the loop, at the last call at which it had advanced */
     int64_t since_ms;   /* time of that call; 0: there was no call yet */
     bool stalled;
 } stall;

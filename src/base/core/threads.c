@@ -9,7 +9,7 @@
 
 #include "base/core/memory.h"
 
-/* The share of a worker: chunks that it takes first. On a cache line of its own. */
+/* The chunks that a worker takes first. On a cache line of its own. */
 typedef struct share {
     _Alignas(64) atomic_size_t next;
     size_t end;
@@ -56,7 +56,7 @@ static void take_share(threads *t, share *s, int worker)
     }
 }
 
-/* Runs the worker's own share, then the remaining chunks of others. */
+/* Runs the chunks of the worker's own share, then the remaining chunks of other shares. */
 static void take_chunks(threads *t, int worker)
 {
     for (int k = 0; k < t->count; k++) take_share(t, &t->shares[(worker + k) % t->count], worker);
@@ -240,7 +240,7 @@ void threads_run(threads *t, size_t count, size_t grain, threads_work work, void
     pthread_mutex_unlock(&t->lock);
 }
 
-/* A loop whose first chunk is the other call. */
+/* A loop that also runs a single call: its first chunk. */
 typedef struct beside_job {
     void (*other)(void *);
     void *others_context;

@@ -11,10 +11,10 @@
 #include <stddef.h>
 
 typedef enum xml_result {
-    XML_RESULT_READ,    /* to its end */
-    XML_RESULT_STOPPED, /* by `begin` */
+    XML_RESULT_READ,    /* read to its end */
+    XML_RESULT_STOPPED, /* `begin` stopped it */
     XML_RESULT_NO_MEMORY,
-    XML_RESULT_DECLARATIONS, /* it has a document type, or one with declarations */
+    XML_RESULT_DECLARATIONS, /* it has a document type that is not permitted */
     XML_RESULT_INVALID       /* it is not XML: see `line` and `why` */
 } xml_result;
 

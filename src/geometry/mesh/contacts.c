@@ -10,7 +10,7 @@
 
 static const char what[] = "the contacts of the mesh";
 
-/* The faces that cancel at an edge become one set. */
+/* Joins the sets of all faces at an edge that cancel. */
 static void join_at_edge(const mesh_side *s, size_t count, const unsigned char *face, uint32_t *set)
 {
     const mesh_side *first = NULL;
@@ -23,7 +23,8 @@ static void join_at_edge(const mesh_side *s, size_t count, const unsigned char *
     }
 }
 
-/* The set of those that cancel at an edge which has one remaining face has a hole. */
+/* Marks the set of the cancelling faces at an edge if exactly one remaining face meets there: removing the
+ * set would leave a hole. */
 static void mark_hole(const mesh_side *s, size_t count, const unsigned char *face, uint32_t *set,
                       bool *has_hole)
 {

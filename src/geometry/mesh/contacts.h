@@ -19,9 +19,9 @@
 /* State of a triangle. */
 enum {
     CONTACTS_REMAINS,
-    CONTACTS_REMOVED, /* for another reason; ignored */
+    CONTACTS_REMOVED, /* removed for another reason, and ignored here */
     CONTACTS_CANCELS, /* another triangle coincides with it in the opposite orientation */
-    CONTACTS_NEEDED   /* it cancels, but its removal would leave a hole */
+    CONTACTS_NEEDED   /* cancels as above, but its removal would leave a hole */
 };
 
 /* `face`: the state of each triangle. Changes CONTACTS_CANCELS to CONTACTS_NEEDED where faces are not in

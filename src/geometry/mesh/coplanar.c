@@ -16,34 +16,32 @@ static const char what[] = "the coplanar faces of the mesh";
  * same slope along it. */
 static const vec3 oblique = {0.5377, 0.3183, 0.7809};
 
-/* Triangles of one plane that are connected by sides, and the range of a number that is one for all parts
- * of the plane. */
+/* A set of triangles in one plane that are connected by sides. Parts of one plane have overlapping intervals
+ * [low, high] (see widen). */
 typedef struct part {
-    double low, high, height; /* height: of its highest triangle */
+    double low, high, height; /* height: of the triangle with the largest height over its longest side */
     bbox box;
-    uint32_t first, count; /* in the list of triangles by part */
+    uint32_t first, count; /* range of the part in `by_part` */
 } part;
 
 typedef struct cutting {
     linked_mesh l;
     const mesh *m;
     const rounding *r;
-    uint32_t *part_of; /* of each triangle: the root of its set, which is the part's number */
+    uint32_t *part_of; /* per triangle: the root of its set, which identifies the part */
     part *parts;
     size_t part_count;
     uint32_t *by_part;
-    uint32_t (*pairs)[2]; /* of triangles that may overlap; a stack */
+    uint32_t (*pairs)[2]; /* stack of pairs of triangles that may overlap */
     size_t pair_count, pair_room;
-    uint32_t (*children)
-        [2]; /* of each triangle that was cut: the first of what came of it, and how many; 0: it was not
-              * cut */
+    uint32_t (*children)[2]; /* per triangle: first piece, number of pieces; 0 pieces: not cut */
     size_t children_room, children_count;
     size_t part_room;
-    vec3 *normal; /* of each part, by its number */
-    bool *turned; /* of each triangle: it looks against that, or came of one that does. Thin ones may be
-                   * turned over by rounding */
+    vec3 *normal; /* per part, at the index of its root: the unit normal */
+    bool *turned; /* per triangle: the normal of the input triangle that it was cut from is opposite to that
+                   * of the part. Not computed from the piece, since rounding may reverse thin pieces */
     size_t turned_room;
-    uint32_t (*meetings)[2]; /* pairs of triangles, each in the part of the other */
+    uint32_t (*meetings)[2]; /* pairs of congruent triangles of two parts */
     size_t meeting_count, meeting_room;
     bool unfinished;
 } cutting;
@@ -52,7 +50,7 @@ typedef struct cutting {
 
 typedef struct plane {
     vec3 at, normal; /* unit */
-    double height;   /* of the triangle over its longest side */
+    double height;   /* triangle's height over its longest side */
 } plane;
 
 static void corners_of(const mesh *m, uint32_t t, vec3 corner[3])
@@ -95,7 +93,7 @@ static bool is_one_plane(const cutting *c, const vec3 a[3], const vec3 b[3])
 
 /* ---- parts of planes */
 
-/* Whether the triangles beyond both sides of an edge from v lie on one side of it. */
+/* Whether the opposite corners of the two triangles at an edge from v lie on the same side of the edge. */
 static bool is_folded(const cutting *c, uint32_t v, const mesh_side *s)
 {
     const vec3 at = c->m->vertex[v], way = vec3_sub(c->m->vertex[s->other], at);
@@ -129,8 +127,10 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
     return true;
 }
 
-/* A number that is one for all parts of a plane: its distance from the origin, over `scale`, plus its slope
- * along the oblique direction. It is uncertain by the rounding over the triangle's height. */
+/* Extends the part's box by triangle t. If t has the largest height of the part so far, sets the part's
+ * normal and its interval [low, high]. The interval is centred at d / scale + slope: d is the distance of
+ * the plane from the origin, and the slope is the component of the normal along the oblique direction. Its
+ * half-width is the error by rounding. Parts of one plane have overlapping intervals. */
 static void widen(const cutting *c, double scale, uint32_t t, part *p)
 {
     vec3 corner[3];
@@ -185,7 +185,8 @@ static bool list_parts(cutting *c, error *e)
 
 /* ---- pairs of triangles */
 
-/* How far triangle b begins beyond a side of a, in the plane; below 0: it is on this side of all. */
+/* Largest distance, over the sides of triangle a, by which all corners of b lie beyond the side, in the
+ * plane. Negative: b lies beyond no side. */
 static double gap_beyond(const vec3 a[3], vec3 normal, const vec3 b[3])
 {
     double most = -INFINITY;
@@ -200,7 +201,7 @@ static double gap_beyond(const vec3 a[3], vec3 normal, const vec3 b[3])
     return most;
 }
 
-/* Whether triangles of one plane overlap by more than rounding. */
+/* Whether two triangles of one plane overlap by more than the rounding error. */
 static bool overlap(const cutting *c, uint32_t s, uint32_t t)
 {
     const vec3 normal = c->normal[c->part_of[s]];
@@ -211,7 +212,7 @@ static bool overlap(const cutting *c, uint32_t s, uint32_t t)
     return gap_beyond(a, normal, b) < most && gap_beyond(b, normal, a) < most;
 }
 
-/* Planes of the input triangles; pieces cut off from them stay in their planes. */
+/* Tests the planes of the input triangles: pieces that are cut from a triangle stay in its plane. */
 static bool overlap_in_plane(const cutting *c, uint32_t s, uint32_t t)
 {
     vec3 a[3], b[3];
@@ -251,7 +252,7 @@ static int by_left(const void *left, const void *right)
     return (a->triangle > b->triangle) - (a->triangle < b->triangle);
 }
 
-/* Those of a part that reach into a box, from left to right. */
+/* Lists the triangles of a part whose boxes overlap `box`, in ascending order of x. */
 static size_t list_within(const cutting *c, const part *p, bbox box, boxed *out)
 {
     size_t count = 0;
@@ -298,7 +299,7 @@ static bool find_pairs(cutting *c, error *e)
 
 /* ---- cutting */
 
-/* Tables of children and of parts, as long as the list of triangles. */
+/* Enlarges the tables with an entry for each triangle to the current number of triangles. */
 static bool extend_tables(cutting *c, error *e)
 {
     for (; c->children_count < c->l.m->triangle_count; c->children_count++) {
@@ -329,7 +330,7 @@ static bool note_children(cutting *c, uint32_t t, uint32_t first, uint32_t count
     return true;
 }
 
-/* All triangles at the side from a to b are cut at v. */
+/* Cuts all triangles at the side from a to b at vertex v. */
 static bool cut_side(cutting *c, uint32_t a, uint32_t b, uint32_t v, error *e)
 {
     for (uint32_t k = c->l.head[a], next; k != LINKED_MESH_NONE; k = next) {
@@ -340,7 +341,8 @@ static bool cut_side(cutting *c, uint32_t a, uint32_t b, uint32_t v, error *e)
         const int of_a = linked_mesh_corner(corner, a), of_b = linked_mesh_corner(corner, b);
         if (of_b < 0) continue;
         linked_mesh_drop(&c->l, t);
-        if (linked_mesh_corner(corner, v) >= 0) continue; /* no area is left */
+        /* v is a corner of the triangle already: no area is left */
+        if (linked_mesh_corner(corner, v) >= 0) continue;
         corner[of_b] = v;
         if (!linked_mesh_add(&c->l, corner, &first, e)) return false;
         corner[of_b] = b;
@@ -362,7 +364,7 @@ static bool cut_face(cutting *c, uint32_t t, uint32_t v, error *e)
     return note_children(c, t, added[0], 3, e);
 }
 
-/* Vertex `from` becomes vertex `to`, which is at the same place to within rounding. */
+/* Replaces vertex `from` by vertex `to`, whose position is equal within the rounding error. */
 static void join(cutting *c, uint32_t to, uint32_t from)
 {
     while (c->l.head[from] != LINKED_MESH_NONE) {
@@ -381,7 +383,8 @@ static double distance_from_side(vec3 a, vec3 b, vec3 x)
     return vec3_norm(vec3_axpy(-at, way, off));
 }
 
-/* Whether a part, by its number, ends at the side from a to b of one of its triangles. */
+/* Whether the side from a to b, of a triangle of the part `number`, is on the outline of the part: exactly
+ * one triangle of the part has it. */
 static bool is_outline(const cutting *c, uint32_t a, uint32_t b, uint32_t number)
 {
     int count = 0;
@@ -404,15 +407,15 @@ static step outcome(bool ok)
     return ok ? STEP_DONE : STEP_FAILED;
 }
 
-/* Twice the area of a triangle, seen along the normal. */
+/* Twice the signed area of the triangle (a, b, x), seen along the normal. */
 static double turn(vec3 normal, vec3 a, vec3 b, vec3 x)
 {
     return vec3_dot(vec3_cross(vec3_sub(b, a), vec3_sub(x, a)), normal);
 }
 
-/* Whether a triangle that is cut at x, beside its side from corner k, comes apart into two whose areas are
- * about the shares of the side. Else x is within rounding of another side, too, and the parts could be cut
- * back into the triangle, without end. */
+/* Whether cutting the triangle at x, near its side from corner k, gives two pieces whose areas are at least
+ * half of what the division of the side requires. Otherwise x is within the rounding error of another side,
+ * and cuts could recreate the triangle without end. */
 static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
 {
     const vec3 a = corner[k], b = corner[(k + 1) % 3], top = corner[(k + 2) % 3];
@@ -421,7 +424,9 @@ static bool is_cut_by(vec3 normal, const vec3 corner[3], int k, vec3 x)
            turn(normal, x, b, top) / half >= vec3_norm(vec3_sub(b, x));
 }
 
-/* A corner of s on the outline of its part, in t; or any corner of s on the outline of the part of t. */
+/* Cuts t at a corner of s inside t or on a side of t. The corner must be on the outline of its own part, or
+ * the side of t on the outline of t's part. A corner of t within the tolerance is joined with the corner of
+ * s instead. */
 static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error *e)
 {
     for (int k = 0; k < 3; k++) {
@@ -447,7 +452,7 @@ static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error 
     return STEP_NONE;
 }
 
-/* A side of s that crosses one of t, where a part ends at one of them. */
+/* Cuts two sides of s and t at their intersection, if one of them is on the outline of its part. */
 static step cross_sides(cutting *c, uint32_t s, uint32_t t, double reach, error *e)
 {
     const vec3 normal = c->normal[c->part_of[s]];
@@ -461,7 +466,7 @@ static step cross_sides(cutting *c, uint32_t s, uint32_t t, double reach, error 
                          of_d = turn(normal, v[a], v[b], v[d]), of_f = turn(normal, v[a], v[b], v[f]);
             const double near_df = reach * vec3_norm(vec3_sub(v[f], v[d])),
                          near_ab = reach * vec3_norm(vec3_sub(v[b], v[a]));
-            /* ends that are on the other side have been met as corners */
+            /* ends within `reach` of the other side are treated by meet_corner */
             if (!(of_a * of_b < 0 && of_d * of_f < 0) || fmin(fabs(of_a), fabs(of_b)) <= near_df ||
                 fmin(fabs(of_d), fabs(of_f)) <= near_ab || !(ends_at(c, s, i) || ends_at(c, t, k)))
                 continue;
@@ -541,9 +546,9 @@ static bool treat_pairs(cutting *c, error *e)
     return true;
 }
 
-/* ---- what stays of an overlap */
+/* ---- removal of overlaps */
 
-/* A triangle lies in another part; `turned`: that one looks the other way. */
+/* A triangle that lies in another part. `turned`: the triangle and the part have opposite orientations. */
 typedef struct cover {
     uint32_t triangle, part;
     bool turned;
@@ -563,11 +568,13 @@ static vec3 across(const mesh *m, uint32_t t)
     return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
 }
 
-/* The covers of a triangle. All triangles that lie in one place have the same parts. */
+/* A triangle with all parts that contain it. Congruent triangles of different parts list the same parts. */
 typedef struct place {
-    uint32_t triangle, same, turned; /* the first part that looks the way of the triangle, or the other one */
-    int balance;                     /* how many more parts look the way of the triangle */
-    unsigned char face;              /* contacts.h */
+    uint32_t triangle, same, turned; /* first part with the orientation of the triangle, first part with the
+                                      * opposite one */
+    int balance;                     /* number of parts with the orientation of the triangle, minus parts
+                                      * with the opposite one */
+    unsigned char face;              /* state of the triangle, see contacts.h */
 } place;
 
 static place place_of(const cutting *c, const cover *own, size_t count)
@@ -581,8 +588,9 @@ static place place_of(const cutting *c, const cover *own, size_t count)
     return p;
 }
 
-/* Whether the triangle is the one that is kept: that of the first part with the orientation of the majority,
- * or of the first part if orientations are arbitrary. */
+/* Whether the triangle is the one to keep. With consistent orientations (`oriented`) it is the triangle of
+ * the first part that has the orientation of the majority. Without, or if both orientations are equally
+ * frequent, it is the triangle of the first part. */
 static bool is_first(const cutting *c, const place *p, bool oriented)
 {
     const uint32_t own = c->part_of[p->triangle];
@@ -590,7 +598,7 @@ static bool is_first(const cutting *c, const place *p, bool oriented)
     return own == (p->same < p->turned ? p->same : p->turned);
 }
 
-/* Covers of which each is there once, by triangle. */
+/* Lists the covers without duplicates, sorted by triangle. */
 static size_t list_covers(const cutting *c, cover *list)
 {
     size_t count = 0, kept = 0;
@@ -607,7 +615,7 @@ static size_t list_covers(const cutting *c, cover *list)
     return kept;
 }
 
-/* Finds which of these places cancel, and are not contacts. */
+/* Sets the state of each place (contacts.h). */
 static bool find_contacts(const cutting *c, place *places, size_t count, bool closed, error *e)
 {
     const size_t all = c->l.m->triangle_count;
@@ -624,7 +632,8 @@ static bool find_contacts(const cutting *c, place *places, size_t count, bool cl
     return ok;
 }
 
-/* Areas are those of what goes; of a contact both faces do. */
+/* Drops the triangle if it is redundant, and adds its area. Both faces of a contact are dropped, so each
+ * adds half. */
 static void drop_place(cutting *c, const place *p, coplanar_overlap *out)
 {
     const double area = 0.5 * vec3_norm(across(c->l.m, p->triangle));
@@ -657,7 +666,7 @@ static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *
     return ok;
 }
 
-/* ---- the whole */
+/* ---- public functions */
 
 static bool cut_all(cutting *c, mesh *m, bool closed, coplanar_overlap *out, error *e)
 {

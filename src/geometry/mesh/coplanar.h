@@ -22,16 +22,17 @@
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/rounding.h"
 
-/* Tolerance over the rounding error of coordinates. Corners within it are one corner; thinner overlaps are
- * ignored. Intersections of edges are computed twice, with an error that increases as the angle of the edges
- * decreases. Cuts may leave triangles thinner than this: remove them with flat_triangles_remove_thin. */
+/* Tolerance, as a multiple of the rounding error of the coordinates. Corners within this distance are
+ * joined, and thinner overlaps are ignored. The intersection of two edges is computed once for each of them,
+ * with an error that increases as their angle decreases. Cuts may leave triangles thinner than this: remove
+ * them with flat_triangles_remove_thin. */
 #define COPLANAR_THIN 4
 
 typedef struct coplanar_overlap {
-    /* Area of the overlaps, each counted once: of the same orientation; of opposite orientation, one face
-     * kept; of opposite orientation, both removed. */
+    /* Area of the overlaps, each counted once. same: equal orientation. opposite: opposite orientation, one
+     * face kept. contact: opposite orientation, both removed. */
     double same, opposite, contact;
-    /* the cuts did not terminate: the mesh is unchanged, overlaps included, and the areas are 0 */
+    /* the cuts did not terminate: the mesh is unchanged, with its overlaps, and all three areas are 0 */
     bool unfinished;
 } coplanar_overlap;
 

@@ -19,18 +19,18 @@ enum { CHUNK = 4096 };
 typedef struct looking {
     const mesh *m;
     rounding r;
-    atomic_bool found; /* some triangle is flat */
+    atomic_bool found; /* a flat triangle was found */
 } looking;
 
 typedef struct entry {
-    double length2; /* of the triangle's longest side */
+    double length2; /* squared length of the triangle's longest side */
     uint32_t triangle;
 } entry;
 
 typedef struct removing {
     linked_mesh l;
     rounding r;
-    entry *heap; /* flat triangles, the one of the longest side first */
+    entry *heap; /* flat triangles; the one with the longest side is on top */
     size_t count, room;
 } removing;
 
@@ -67,7 +67,7 @@ static bool is_flat(const vec3 corner[3], double allowed, int *longest, double *
     return vec3_norm2(across) <= allowed * allowed * *length2;
 }
 
-/* ---- whether there are any */
+/* ---- search for flat triangles */
 
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
 {
@@ -94,12 +94,12 @@ static bool look(looking *l, threads *pool)
 static bool find_flat(looking *l, threads *pool)
 {
     l->r = rounding_at_most(l->m, pool);
-    if (!look(l, pool)) return false; /* as for most meshes */
+    if (!look(l, pool)) return false; /* most meshes have no flat triangle at this bound */
     l->r = rounding_of(l->m, pool);
     return l->r.relative > 0 || look(l, pool);
 }
 
-/* ---- the flat triangles, by their longest sides */
+/* ---- heap of flat triangles, ordered by their longest sides */
 
 static bool comes_before(entry a, entry b)
 {
@@ -131,7 +131,7 @@ static entry pop(removing *r)
     return first;
 }
 
-/* What a triangle is now. */
+/* The present shape of a triangle. */
 typedef struct shape {
     bool flat;
     int longest, shortest;
@@ -154,9 +154,9 @@ static bool push_if_flat(removing *r, uint32_t t, error *e)
     return !s.flat || push(r, (entry){s.length2, t}, e);
 }
 
-/* ---- removing one */
+/* ---- removal of one triangle */
 
-/* Triangle t, which has the side from a to b, in whichever direction, becomes two that meet at m. */
+/* Splits triangle t at m, a point on its side between a and b. */
 static bool split(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
 {
     const uint32_t *corner = r->l.m->triangle[t];
@@ -167,7 +167,8 @@ static bool split(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, e
     return linked_mesh_add(&r->l, second, &added, e) && push_if_flat(r, t, e) && push_if_flat(r, added, e);
 }
 
-/* Corner m of triangle t lies on the side from a to b. */
+/* Drops triangle t, whose corner m lies on the side from a to b, and splits the other triangles at that side
+ * at m. */
 static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
 {
     if (r->l.degree[a] > r->l.degree[b]) {
@@ -181,7 +182,7 @@ static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, ui
         const uint32_t *corner = r->l.m->triangle[other];
         next = r->l.next[c];
         if (linked_mesh_corner(corner, b) < 0) continue;
-        if (linked_mesh_corner(corner, m) >= 0) /* the same triangle once more */
+        if (linked_mesh_corner(corner, m) >= 0) /* a duplicate of triangle t */
             linked_mesh_drop(&r->l, other);
         else if (!split(r, other, a, b, m, e))
             return false;
@@ -189,7 +190,7 @@ static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, ui
     return true;
 }
 
-/* Vertex `from` becomes vertex `to`. */
+/* Replaces vertex `from` by vertex `to`. */
 static bool collapse(removing *r, uint32_t to, uint32_t from, error *e)
 {
     while (r->l.head[from] != LINKED_MESH_NONE) {
@@ -215,21 +216,23 @@ static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
                             corner[(s->longest + 2) % 3], e);
 }
 
-/* Each removal takes away a longest side, and no longer one comes of it unless a neighbour is as thin. `most`
- * bounds the removals where rounding leads in circles. */
+/* Removes the flat triangle with the longest side until none is left. A removal creates only flat triangles
+ * with shorter sides, unless a neighbour is as thin. `most` bounds the number of removals if rounding causes
+ * cycles. */
 static bool remove_all(removing *r, size_t most, error *e)
 {
     while (r->count > 0 && most-- > 0) {
         const entry first = pop(r);
         if (r->l.dead[first.triangle]) continue;
         const shape s = shape_of(r, first.triangle);
-        if (!s.flat || s.length2 != first.length2) continue; /* it has changed, and has another entry */
+        /* changed since it was pushed; a later entry is valid */
+        if (!s.flat || s.length2 != first.length2) continue;
         if (!remove_one(r, first.triangle, &s, e)) return false;
     }
     return true;
 }
 
-/* ---- the whole */
+/* ---- public functions */
 
 static bool begin(removing *r, mesh *m, size_t *flat, error *e)
 {

@@ -21,7 +21,7 @@
  * Errors: limit_memory, cancelled; the mesh is valid then, but may be changed. */
 bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e);
 
-/* The same for triangles that are flat within the rounding error `r`, without a note. */
+/* As flat_triangles_remove, for triangles that are flat within the rounding error `r`. Adds no note. */
 bool flat_triangles_remove_thin(mesh *m, const rounding *r, error *e);
 
 #endif

@@ -25,8 +25,8 @@ typedef struct linked_mesh {
     size_t triangle_room, next_room, previous_room, dead_room, vertex_room, head_room, degree_room;
 } linked_mesh;
 
-/* Makes the lists. Equal vertices have been joined. The mesh is owned by the caller; its arrays grow. Error:
- * limit_memory. */
+/* Makes the lists. Vertices of equal position must have been joined. The mesh remains the caller's; its
+ * arrays grow. Error: limit_memory. */
 bool linked_mesh_begin(mesh *m, linked_mesh *out, error *e);
 /* Removes dropped triangles from the mesh, keeping the order of the others, and frees the lists. */
 void linked_mesh_end(linked_mesh *l);

@@ -62,8 +62,8 @@ bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e)
     return error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* Per triangle: itself, a sorted copy, three sides of 8 bytes in each of two lists of edges, and the unions;
- * per vertex: itself, its places in the table and in these lists. */
+/* Per triangle: the triangle, a sorted copy, three sides of 8 bytes in each of two lists of edges, and the
+ * sets. Per vertex: its position, its slots in the hash table, and its entries in the lists of edges. */
 size_t mesh_bytes(size_t vertices, size_t triangles)
 {
     return vertices * (sizeof(vec3) + 32) + triangles * 128;

@@ -19,7 +19,7 @@
 typedef struct mesh {
     size_t vertex_count, triangle_count;
     vec3 *vertex;
-    uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
+    uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file follows this convention */
     /* mesh_weld would not change the mesh; in particular every vertex belongs to a triangle. Code that moves,
      * joins or removes vertices or triangles sets it to false. */
     bool welded;
@@ -40,7 +40,8 @@ void mesh_free(mesh *m); /* accepts NULL and a zeroed object */
 /* Errors: limit_memory, cancelled. */
 bool mesh_copy(const mesh *m, threads *pool, mesh *out, error *e);
 
-/* Bytes of a mesh of this size while it is repaired, edges included; for comparison with a memory limit. */
+/* Peak memory, in bytes, of the repair of a mesh of this size, with its edges; for comparison with a memory
+ * limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);
 
 /* The bounding box of the triangles; vertices without a triangle are ignored. Complete also if the pool

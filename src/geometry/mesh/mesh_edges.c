@@ -23,8 +23,8 @@ static int by_other(const void *left, const void *right)
     return (int)b->upwards - (int)a->upwards;
 }
 
-/* Most vertices have a few sides: these are sorted in place. */
-enum { FEW = 16, CHUNK = 4096 }; /* CHUNK: of vertices or triangles */
+/* A vertex with at most FEW sides is sorted without allocation. */
+enum { FEW = 16, CHUNK = 4096 }; /* CHUNK: vertices or triangles in a chunk of work */
 
 static void sort_sides(mesh_side *sides, size_t count)
 {
@@ -72,8 +72,8 @@ typedef struct list_job {
     mesh_edges *edges;
 } list_job;
 
-/* Vertex v is counted in first[v + 2]. The sums turn this into the start of v's part in first[v + 1], which
- * filling advances to the part's end: first[v + 1] is then the start of the part of v + 1. */
+/* Counting sort. The count of vertex v is in first[v + 2]. After the prefix sums, the start of v's range is
+ * in first[v + 1]. Filling advances it to the end of the range, which is the start of the range of v + 1. */
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const list_job *job = context;
@@ -108,7 +108,8 @@ bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e)
     threads_run(pool, m->triangle_count, CHUNK, count_chunk, &job);
     for (size_t v = 2; v < m->vertex_count + 2; v++) out->first[v] += out->first[v - 1];
     threads_run(pool, m->triangle_count, CHUNK, fill_chunk, &job);
-    threads_run(pool, m->vertex_count, CHUNK, sort_chunk, out); /* threads came as they came */
+    /* the order of the sides depends on the threads */
+    threads_run(pool, m->vertex_count, CHUNK, sort_chunk, out);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
@@ -137,7 +138,8 @@ bool mesh_edges_open(const mesh_edges *edges, seam_edge **out, size_t *count, er
     return true;
 }
 
-/* First vertices meet vertices; then each round splits one edge of a triangle. */
+/* The first round joins vertices with vertices. Each later round splits a triangle at one of its open
+ * edges. */
 const mesh_edges *mesh_edges_close_seams(mesh *m, const mesh_edges *known, double tolerance, threads *pool,
                                          mesh_edges *own, mesh_notes *notes, error *e)
 {

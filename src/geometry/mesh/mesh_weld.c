@@ -27,7 +27,7 @@ static uint64_t hash_bytes(const void *bytes, size_t count)
     return h;
 }
 
-/* A table that finds the first of equal items among `count` of `size` bytes, a multiple of 4, at a time. */
+/* Hash table that finds the first of equal items. Items have `size` bytes, a multiple of 4. */
 typedef struct table {
     const char *items;
     size_t size, mask;
@@ -54,15 +54,16 @@ static uint32_t table_first(table *t, uint32_t n)
     return t->slots[k];
 }
 
-enum { CHUNK = 4096 }; /* of vertices or triangles */
+enum { CHUNK = 4096 }; /* vertices or triangles in a chunk of work */
 
-/* Vertices of equal coordinates are one: that of the corner which comes first. */
+/* Joins vertices of equal coordinates: the one with the lowest corner number remains. */
 typedef struct joining {
     mesh *m;
     table table;
     uint32_t
-        *place; /* of each vertex: its first corner; then which vertex it becomes. FREE: it is not a corner */
-    atomic_bool found; /* some are equal */
+        *place; /* per vertex: its first corner, later the vertex that replaces it; FREE: no triangle has the
+                 * vertex */
+    atomic_bool found; /* two vertices are equal */
 } joining;
 
 static void begin_chunk(void *context, int worker, size_t begin, size_t end)
@@ -107,7 +108,8 @@ static bool are_one(const joining *j, uint32_t a, uint32_t b)
     return memcmp(&j->m->vertex[a], &j->m->vertex[b], sizeof(vec3)) == 0;
 }
 
-/* Among equal vertices the one whose corner comes first gets the slot, for any order of the threads. */
+/* Enters vertex n in the table. Among equal vertices the one with the lowest corner number gets the slot, in
+ * any order of the threads. */
 static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
 {
     uint32_t there = __atomic_load_n(slot, __ATOMIC_RELAXED);
@@ -150,7 +152,7 @@ static void find_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Every corner to what became of its vertex. */
+/* Replaces the vertex of every corner. */
 static void replace_chunk(void *context, int worker, size_t begin, size_t end)
 {
     joining *j = context;
@@ -213,7 +215,7 @@ static int sort_corners(const uint32_t t[3], uint32_t out[3])
 {
     int sign = 1;
     memcpy(out, t, 3 * sizeof *out);
-    for (int k = 0; k < 3; k++) { /* three exchanges of neighbours sort three */
+    for (int k = 0; k < 3; k++) { /* bubble sort: three exchanges of adjacent items sort three items */
         int i = k & 1;
         if (out[i] <= out[i + 1]) continue;
         uint32_t swap = out[i];
@@ -224,7 +226,8 @@ static int sort_corners(const uint32_t t[3], uint32_t out[3])
     return sign;
 }
 
-/* balance[n] of the first of equal triangles: how many more have its own orientation than the other one's. */
+/* Keeps one triangle of each set of equal triangles. `balance`, at the index of the first of them: the
+ * number of triangles with its orientation, minus those with the opposite one. */
 static size_t keep_distinct(mesh *m, const uint32_t *first, const int32_t *balance, bool cancelled_too)
 {
     size_t kept = 0;
@@ -240,7 +243,8 @@ static size_t keep_distinct(mesh *m, const uint32_t *first, const int32_t *balan
     return kept;
 }
 
-/* What drop_repeated leaves out: how many triangles that are there once then, and the area where none is. */
+/* What drop_repeated removes: the number of triangles of which one copy is kept, and the area of those of
+ * which none is kept. */
 typedef struct repeated {
     size_t triangles;
     double cancelled;
@@ -252,7 +256,8 @@ static double area_of(const mesh *m, const uint32_t t[3])
     return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
 }
 
-/* One of equal triangles that cancel stays where the mesh would have a hole: its balance becomes 1. */
+/* Keeps one of the equal triangles that cancel if the mesh would have a hole without them: its balance
+ * becomes 1. */
 static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, error *e)
 {
     size_t cancelled = 0;
@@ -304,15 +309,15 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, erro
     return ok;
 }
 
-/* Triangles by their lowest corner, in no order: list[first[v]] .. list[first[v + 1]]. */
+/* Unsorted lists of the triangles whose lowest corner is v: list[first[v]] .. list[first[v + 1] - 1]. */
 typedef struct by_corner {
     const mesh *m;
     uint32_t *first, *list;
     atomic_bool unclean; /* there may be duplicates, or triangles with two equal corners */
 } by_corner;
 
-/* Vertex v is counted in first[v + 2]. The sums turn this into the start of v's part in first[v + 1], which
- * filling advances to the part's end: first[v + 1] is then the start of the part of v + 1. */
+/* Counting sort. The count of vertex v is in first[v + 2]. After the prefix sums, the start of v's range is
+ * in first[v + 1]. Filling advances it to the end of the range, which is the start of the range of v + 1. */
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     by_corner *by = context;
@@ -344,7 +349,8 @@ static bool is_repeated(const mesh *m, uint32_t a, uint32_t b)
     return memcmp(of_a, of_b, sizeof of_a) == 0;
 }
 
-/* Few vertices have more triangles than are held against each other here. */
+/* Compares the triangles of each vertex in pairs. More than FEW triangles are not compared, and are reported
+ * as unclean. */
 static void compare_chunk(void *context, int worker, size_t begin, size_t end)
 {
     enum { FEW = 64 };
@@ -360,7 +366,7 @@ static void compare_chunk(void *context, int worker, size_t begin, size_t end)
     if (may) atomic_store(&by->unclean, true);
 }
 
-/* Whether something may have to be left out. */
+/* Sets *may: the mesh may have duplicates, or triangles with two equal corners. */
 static bool find_unclean(const mesh *m, threads *pool, bool *may, error *e)
 {
     by_corner by = {.m = m, .first = mem_array(m->vertex_count + 2, sizeof *by.first, what, e)};

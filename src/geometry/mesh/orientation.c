@@ -34,7 +34,7 @@ uint32_t orientation_find(orientation *o, uint32_t n, bool *turned)
         root = o->parent[root];
     }
     *turned = all;
-    while (o->parent[n] != root && n != root) { /* the way is made short */
+    while (o->parent[n] != root && n != root) { /* path compression */
         uint32_t next = o->parent[n];
         bool rest = all ^ o->turned[n];
         o->parent[n] = root;

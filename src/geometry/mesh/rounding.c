@@ -8,14 +8,14 @@
 
 /* Unit roundoffs of floats and doubles. */
 static const double of_float = 0x1p-24, of_double = 0x1p-53;
-/* Operations with rounding in an affine map of a coordinate. */
+/* Rounding operations in an affine map of a coordinate: three products and three sums. */
 static const double map_operations = 6;
 /* Triangles in a chunk of work. */
 enum { CHUNK = 4096 };
 
 typedef struct looking {
     const mesh *m;
-    atomic_bool has_double; /* some coordinate is not a float */
+    atomic_bool has_double; /* a coordinate is not representable as a float */
 } looking;
 
 static double largest_coordinate(vec3 v)

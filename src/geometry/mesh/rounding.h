@@ -13,9 +13,11 @@ typedef struct rounding {
     double absolute, relative;
 } rounding;
 
-/* Coordinates may have been computed in doubles by an affine map: three products and three sums, each with an
- * error of 2^-53 of the largest coordinate. If all coordinates are representable as floats, they were then
- * rounded to floats, with a relative error of 2^-24. rounding_at_most assumes floats without a test. */
+/* Estimates the error of the coordinates of a mesh. It is assumed that an affine map computed them in
+ * doubles, with three products and three sums, each with an error of 2^-53 of the largest coordinate. If all
+ * coordinates are representable as floats, they were then rounded to floats, with a relative error of 2^-24.
+ * rounding_at_most does not test this and always includes the error of floats: an upper bound of
+ * rounding_of. */
 rounding rounding_of(const mesh *m, threads *pool);
 rounding rounding_at_most(const mesh *m, threads *pool);
 

@@ -8,7 +8,7 @@
 #include "base/core/memory.h"
 #include "geometry/space/cell_list.h"
 
-/* Searches reach farther by this factor, for rounding. */
+/* Factor on the radius of searches, so that rounding excludes no vertex. */
 static const double SEARCH_MARGIN = 1.0001;
 
 static const char what[] = "the open edges of the mesh";
@@ -22,7 +22,7 @@ typedef struct end {
 /* A vertex on an edge. */
 typedef struct cut {
     uint32_t edge, vertex;
-    double at; /* share of the way along the edge */
+    double at; /* position along the edge, 0 at its start and 1 at its end */
 } cut;
 
 typedef struct cutting {
@@ -34,7 +34,7 @@ typedef struct cutting {
     size_t end_count;
     cut *cuts;
     size_t cut_count, cut_room;
-    bool *taken; /* of a triangle: one of its edges is cut */
+    bool *taken; /* per triangle: one of its edges is cut */
 } cutting;
 
 static int by_x(const void *left, const void *right)
@@ -105,7 +105,7 @@ static bool add_cut(cutting *c, cut added, error *e)
 typedef struct search {
     cutting *c;
     uint32_t edge;
-    vec3 a, way; /* of the edge: its start, and its end from there */
+    vec3 a, way; /* start of the edge, and the vector from its start to its end */
     bool ok;
     error *e;
 } search;
@@ -150,7 +150,8 @@ static bool cut_edges(cutting *c, error *e)
     return ok;
 }
 
-/* A triangle with n cuts on an edge becomes n + 1, a fan about the corner across. */
+/* Replaces each triangle that has n cuts on an edge by a fan of n + 1 triangles about the corner opposite to
+ * the edge. */
 static bool split_all(cutting *c, size_t *split, error *e)
 {
     mesh *m = c->m;
@@ -164,13 +165,13 @@ static bool split_all(cutting *c, size_t *split, error *e)
         const seam_edge *s = &c->edges[c->cuts[k].edge];
         uint32_t *t = larger[s->triangle];
         const bool first = k == 0 || c->cuts[k - 1].edge != c->cuts[k].edge;
-        while (t[1] != s->to) { /* the edge's end second */
+        while (t[1] != s->to) { /* rotate the corners until the edge's end is the second one */
             const uint32_t corner = t[0];
             t[0] = t[1];
             t[1] = t[2];
             t[2] = corner;
         }
-        uint32_t *added = larger[m->triangle_count++]; /* the part before the cut */
+        uint32_t *added = larger[m->triangle_count++]; /* the piece before the cut */
         added[0] = t[0];
         added[1] = c->cuts[k].vertex;
         added[2] = t[2];

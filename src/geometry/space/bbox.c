@@ -5,7 +5,7 @@ enum { PARTS = 16 };
 
 typedef struct bound_job {
     const vec3 *points;
-    const uint32_t *list; /* NULL: all */
+    const uint32_t *list; /* indices of the points; NULL: all points */
     size_t count;
     bbox box[PARTS];
 } bound_job;
@@ -22,7 +22,7 @@ static void bound_part(void *context, int worker, size_t part, size_t end)
     }
 }
 
-/* Fewer points are gone through sooner than other threads come. */
+/* Fewer points are bounded by the calling thread: starting other threads takes longer. */
 static const size_t FEW = 20000;
 
 bbox bbox_of_points(const vec3 *points, size_t count, threads *pool)
@@ -35,7 +35,8 @@ bbox bbox_of_corners(const vec3 *points, const uint32_t *list, size_t count, thr
     bound_job j = {.points = points, .list = list, .count = count};
     bbox box = bbox_empty();
     threads_run(count < FEW ? NULL : pool, PARTS, 1, bound_part, &j);
-    if (threads_stopped(pool)) threads_run(NULL, PARTS, 1, bound_part, &j); /* a box of some would mislead */
+    /* a stopped pool skipped parts; the box must be complete */
+    if (threads_stopped(pool)) threads_run(NULL, PARTS, 1, bound_part, &j);
     for (int k = 0; k < PARTS; k++) box = bbox_unite(box, j.box[k]);
     return box;
 }

@@ -75,7 +75,7 @@ bool block_map_copy(const block_map *m, block_map *out, error *e)
     return false;
 }
 
-/* Returns its number, or BLOCK_MAP_NONE where memory is out. */
+/* Returns the number of the new node, or BLOCK_MAP_NONE if memory is exhausted. */
 static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {
     void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, sizeof *m->nodes, what, e);
@@ -83,7 +83,8 @@ static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
     m->nodes = nodes;
     const size_t slots = (size_t)m->mask + 1;
     if (SLOTS_PER_NODE * (size_t)m->node_count == slots && !make_slots(m, slots, e)) return BLOCK_MAP_NONE;
-    memset(m->nodes[m->node_count], 0xFF, sizeof *m->nodes); /* BLOCK_MAP_NONE */
+    /* all entries become BLOCK_MAP_NONE */
+    memset(m->nodes[m->node_count], 0xFF, sizeof *m->nodes);
     *block_map_slot_of(m, key) = (block_map_slot){{key[0], key[1], key[2]}, m->node_count};
     return m->node_count++;
 }

@@ -19,7 +19,7 @@ size_t box_tree_bytes(size_t count)
     return count * sizeof(uint32_t) + nodes_for(count) * sizeof(bbox);
 }
 
-/* The items of a tree that is built. */
+/* The items from which a tree is built. */
 typedef struct items {
     const vec3 *centre;
     box_tree_box *box_of;

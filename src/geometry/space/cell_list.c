@@ -9,16 +9,15 @@
 #include "geometry/space/bbox.h"
 #include "geometry/space/point_tree.h"
 
-/* Maximum number of cells per point, and along an axis. More: empty cells are visited. Fewer: points that
- * are farther away are visited. */
+/* Maximum number of cells per point, and of cells along an axis. More: searches visit more empty cells.
+ * Fewer: searches visit more points outside of their radius. */
 enum { CELLS_PER_POINT = 2, AXIS_MOST = 4096 };
 /* Points of a task of the thread pool. */
 enum { CHUNK = 4096 };
-/* Ratio of the edges that are tried one after the other, from the least one, until the cells are few
- * enough. */
+/* The edge of the cells is multiplied by this factor until the number of cells is within the limits. */
 static const double WIDER = 1.1;
-/* A point_tree replaces the cells if a point shares its cell with more points than this on average: each
- * search would visit as many. */
+/* If the mean number of points in the cell of a point exceeds this, a point_tree replaces the cells, since
+ * each search would visit about as many points. */
 static const double CROWD = 100;
 
 static const char what[] = "the search for near points";
@@ -288,7 +287,7 @@ struct moving_cell_list {
     const uint32_t *moving;
     size_t moving_count;
     vec3 *fixed;      /* the points that do not move */
-    cell_list *cells; /* of these; NULL: there are none */
+    cell_list *cells; /* cell list of `fixed`; NULL: all points move */
 };
 
 moving_cell_list *moving_cell_list_new(const vec3 *points, size_t count, const uint32_t *moving,

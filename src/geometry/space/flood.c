@@ -11,13 +11,13 @@ enum { SIDE = 8 };
 
 static const uint64_t lowest_z = 0x0101010101010101u, lowest_y = 0xFF;
 
-/* Layers along x, bits 8 y + z: the cells, and those that are reached. */
+/* Sets of cells as bit masks, one word for each layer x of a block; the bit 8 y + z is cell (x, y, z). */
 typedef struct flood {
     const block_map *map;
-    uint64_t *cells, *reached; /* SIDE a block */
-    uint32_t *waiting;         /* blocks to look at again */
-    uint8_t *waits;            /* whether each does */
-    size_t count;              /* of those that wait */
+    uint64_t *cells, *reached; /* SIDE words per block: the cells of the set, and those reached so far */
+    uint32_t *waiting;         /* queue of blocks from which the flood has to continue */
+    uint8_t *waits;            /* per block: it is in the queue */
+    size_t count;              /* length of the queue */
 } flood;
 
 static void spread_within(const uint64_t cells[SIDE], uint64_t reached[SIDE])
@@ -36,8 +36,8 @@ static void spread_within(const uint64_t cells[SIDE], uint64_t reached[SIDE])
     }
 }
 
-/* The cells beyond a face of the block, in layer x of the adjacent block, that are adjacent to reached
- * ones. */
+/* The cells in layer x of the adjacent block whose neighbours across the common face are reached. `axis`,
+ * `high`: the face of this block. */
 static uint64_t beside(const uint64_t reached[SIDE], int axis, int high, int x)
 {
     const int shift = axis == 1 ? 56 : 7;
@@ -68,7 +68,7 @@ static void spread_beyond(flood *f, uint32_t n, int axis, int high)
     f->waiting[f->count++] = there;
 }
 
-/* Begins with the first cell. Returns whether no cell is left. */
+/* Floods from the first cell of the set. Returns whether it reaches all cells. */
 static bool run(flood *f)
 {
     const size_t words = (size_t)f->map->count * SIDE;

@@ -8,11 +8,13 @@
 #include "geometry/space/bbox.h"
 
 enum { FEWEST_BITS = 5, MOST_BITS = 14 };
-/* Points are sorted in PARTS parts for any number of threads, or in one part if they are at most FEW. */
+/* The sort uses PARTS parts for any number of threads, and one part for at most FEW points, so that the
+ * result does not depend on the threads. */
 enum { PARTS = 8 };
 static const size_t FEW = 50000;
 
-/* Bits of each coordinate: sqrt(n) of n points on a surface lie along an axis; times four. */
+/* Bits of each coordinate. n points on a surface have about sqrt(n) points along an axis; the cells of the
+ * curve are a quarter of their distance. */
 static int bits_of(size_t count)
 {
     int bits = FEWEST_BITS;
@@ -33,13 +35,13 @@ typedef struct sort_job {
     const vec3 *x;
     size_t count, parts;
     threads *pool;
-    int bits, shift; /* of a digit, and of the one at hand */
+    int bits, shift; /* bits of a digit; position of the current digit */
     double scale;
     vec3 low;
     uint64_t *key;
-    const uint32_t *from; /* NULL: the points in the order given */
+    const uint32_t *from; /* order before the pass; NULL: the order of the input */
     uint32_t *to;
-    uint32_t *begin; /* of each part, where its points of each digit go */
+    uint32_t *begin; /* per part and digit: the next position of its points in the output */
 } sort_job;
 
 static size_t part_begin(const sort_job *j, size_t part)

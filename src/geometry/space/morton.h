@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* morton: sorts points along Morton's curve, so that points near each other in space are mostly near each
- * other in the order.
+/* morton: sorts points along Morton's curve, so that most points that are close in space are close in the
+ * order.
  *
  * G. M. Morton 1966, "A computer oriented geodetic data base". The sort is stable for points in one cell of
  * the curve.

@@ -6,8 +6,8 @@
 
 #include <math.h>
 
-/* The spacing of `count` points on an area. With a count of 1 the area is that of one point's cell; with an
- * area of 1 the count is a density. */
+/* The spacing of `count` points on an area. With count = 1, `area` is the area of one Voronoi cell. With
+ * area = 1, `count` is a density. */
 static inline double packing_spacing(double area, double count)
 {
     return sqrt(2 * area / (sqrt(3) * count));
@@ -26,14 +26,14 @@ static inline double packing_cell_area(double spacing)
     return sqrt(3) / 2 * spacing * spacing;
 }
 
-/* The support of the potential under which the packing has the ideal energy: only the six neighbours are
- * within it, and the next six lie on its edge. */
+/* The support of the potential at which the packing has the ideal energy. It contains the six nearest
+ * neighbours; the next six are at its boundary. */
 static inline double packing_support(double spacing)
 {
     return sqrt(3) * spacing;
 }
 
-/* The middle between the first shell of six neighbours, at one spacing, and the second one, at the
+/* Distance halfway between the first shell of six neighbours, at one spacing, and the second shell, at the
  * support. */
 static inline double packing_first_shell(double spacing)
 {

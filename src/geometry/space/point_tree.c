@@ -15,9 +15,9 @@ enum { LEAF = 8 };
 struct point_tree {
     const vec3 *points;
     size_t count;
-    uint32_t *order; /* of a range the points below the middle one's place along its axis, that one, and those
-                      * above */
-    uint8_t *axis;   /* of the middle of each range */
+    uint32_t *order; /* the points of each range, partitioned: those below the median along the axis of the
+                      * range, the median, and those above */
+    uint8_t *axis;   /* per median: the axis of its range */
 };
 
 static void swap(uint32_t *a, uint32_t *b)
@@ -45,7 +45,7 @@ static void divide(const vec3 *points, uint32_t *order, size_t count, size_t mid
         else if (i > low)
             low = i;
         else
-            low++; /* the first is the smallest of all */
+            low++; /* the item at `middle` is the smallest of the range */
     }
 }
 

@@ -11,8 +11,9 @@
 #include "base/core/isa.h"
 #include "geometry/space/vec3.h"
 
-/* A place whose projection is this many times as far from all edges of the triangle as the place is from its
- * plane has no closer triangle, unless another one is folded over it by more than 150 degrees. */
+/* If the distance of a place's projection from every edge is at least this multiple of its distance from the
+ * plane, no other triangle is closer. Exception: another triangle is folded over this one by more than 150
+ * degrees. */
 enum { SMOOTH_TRIANGLE_MARGIN = 2 };
 /* Minimum |cosine| between the interpolated normal and the normal of the triangle; smaller values are
  * clamped. |grad F| is at most its inverse. */

@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* A triangle whose angle has a smaller sine is taken as its three edges. Rounding may point its normal
- * anywhere, and the face that is left out is less than a ten-millionth of its length wide. */
+/* If the squared sine of an angle is below this, the triangle is treated as its three edges: rounding makes
+ * the direction of its normal arbitrary. The ignored face is narrower than 1e-7 of its length. */
 static const double least_sine2 = 1e-14;
 
 static double square_along(vec3 from, vec3 way, double s)
@@ -32,12 +32,13 @@ double triangle_distance2(const triangle *t, vec3 p)
     const double ab_c = vec3_dot(ab, cp), ac_c = vec3_dot(ac, cp);
     if (ac_c >= 0 && ab_c <= ac_c) return vec3_norm2(cp);
     const double of_c =
-        ab_a * ac_b - ab_b * ac_a; /* the projected point's weights, times a positive number */
+        ab_a * ac_b - ab_b * ac_a; /* unnormalised barycentric weights of the projected point */
     if (of_c <= 0 && ab_a >= 0 && ab_b <= 0) return square_along(ap, ab, ab_a / (ab_a - ab_b));
     const double of_b = ab_c * ac_a - ab_a * ac_c;
     if (of_b <= 0 && ac_a >= 0 && ac_c <= 0) return square_along(ap, ac, ac_a / (ac_a - ac_c));
     const double of_a = ab_b * ac_c - ab_c * ac_b;
-    const double bc_b = ac_b - ab_b, bc_c = ab_c - ac_c; /* along bc, from either end */
+    /* positions of the projected point along bc, measured from b and from c */
+    const double bc_b = ac_b - ab_b, bc_c = ab_c - ac_c;
     if (of_a <= 0 && bc_b >= 0 && bc_c >= 0) return square_along(bp, bc, bc_b / (bc_b + bc_c));
     const double height = vec3_dot(normal, ap);
     return height * height / vec3_norm2(normal);
@@ -83,7 +84,8 @@ vec3 triangle_nearest(const triangle *t, vec3 p)
 int triangle_split(const bool halved[3], int parts[4][3])
 {
     const int count = halved[0] + halved[1] + halved[2], sum = halved[1] + 2 * halved[2];
-    const int k = count == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3; /* k: the odd one */
+    /* k: the side that differs from the other two */
+    const int k = count == 2 ? 3 - sum : sum % 3, a = (k + 1) % 3, b = (k + 2) % 3;
     const int all[4][4][3] = {{{0, 1, 2}},
                               {{k, 3 + k, b}, {3 + k, a, b}},
                               {{3 + a, b, 3 + b}, {k, a, 3 + a}, {k, 3 + a, 3 + b}},

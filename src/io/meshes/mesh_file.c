@@ -12,15 +12,15 @@
 #include "base/core/reader.h"
 #include "io/meshes/mesh_reader.h"
 
-/* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is
- * granted. */
+/* CPU limit of the reading process: seconds_at_least plus 1 s for each MiB of the file. Text is read at 10
+ * MB/s or more. */
 static const unsigned seconds_at_least = 60;
 static const off_t bytes_per_second = 1 << 20;
 
 /* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
 static const double largest_coordinate = 1e30;
 
-/* The ending of the file's name in lower case, if it looks like one. */
+/* The letters and digits after the last dot of the file's name, in lower case, at most 15. */
 static void ending_of(const char *path, char out[16])
 {
     const char *dot = strrchr(path, '.');
@@ -48,7 +48,7 @@ static bool start(const mesh_file *file, const char *command, off_t size, reader
     return reader_start(&params, out, e);
 }
 
-/* Whether the answer ends here. */
+/* Checks that the answer ends here. */
 static bool check_end(reader *r, error *e)
 {
     return fgetc(r->stream) == EOF ||
@@ -91,8 +91,8 @@ static bool is_usable(vec3 v)
            fabs(v.z) <= largest_coordinate;
 }
 
-/* Refuses vertices of triangles that are not finite. Those of no triangle take the place of one that
- * is; *unused: how many. */
+/* Refuses triangles with a vertex that is not finite or exceeds the largest coordinate. Such vertices
+ * without a triangle are replaced by a usable vertex; *unused: their number. */
 static bool check_vertices(mesh *m, size_t *unused, error *e)
 {
     *unused = 0;
@@ -129,7 +129,7 @@ static bool read_array(reader *r, const mesh *m, mesh_reader_values *head, float
     if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
         head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
         return reader_invalid(e);
-    for (char *p = head->name; *p; p++) /* it is the file's */
+    for (char *p = head->name; *p; p++) /* the name comes from the file */
         if (*p < ' ' || *p > '~') *p = '?';
     *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
     return *value && reader_get(r, *value, head->components * sizeof **value, m->vertex_count, e);
@@ -239,7 +239,7 @@ bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header,
     return true;
 }
 
-/* Triangles of a file of points, and the end of the answer. */
+/* Skips the triangles of a file of points, and checks that the answer ends there. */
 static bool skip_triangles(reader *r, uint64_t triangles, error *e)
 {
     uint32_t corner[3];
@@ -345,7 +345,7 @@ bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values
 {
     mesh_reader_header header = {0};
     mesh_values read = {0};
-    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
     if (read_file(file, &header, out, &unused, &read, NULL, e)) {
         *values = read;
         return true;
@@ -358,7 +358,7 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
 {
     mesh_reader_header header = {0};
     mesh_polygons read = {0};
-    mesh_notes unused = {0}; /* the surface's mesh has the same */
+    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
     if (read_file(file, &header, out, &unused, NULL, &read, e)) {
         *polygons = read;
         return true;

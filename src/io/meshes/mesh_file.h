@@ -33,14 +33,14 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
 /* Attributes of the vertices of a mesh other than their positions: numbers, normals, colours, ... Each array
  * has values of all vertices. */
 typedef struct mesh_values {
-    size_t count;             /* arrays */
+    size_t count;             /* number of arrays */
     mesh_reader_values *head; /* per array: name, kind, number of components */
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices may be
- * others than those of mesh_file_read: in single precision, and numbered and duplicated as assimp does. There
- * are no notes. The formats VTK and GIfTI, and glTF files with quantised positions, are
+/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices can
+ * differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them.
+ * There are no notes. The formats VTK and GIfTI, and glTF files with quantised positions, are
  * input_unsupported. *out and *values are unchanged on failure; free both after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
@@ -55,7 +55,8 @@ typedef struct mesh_polygons {
     uint32_t *corner; /* vertex of each corner */
 } mesh_polygons;
 
-/* The mesh as the file has it, with its polygons. Free *polygons after success. */
+/* Reads the mesh without repair, with its polygons. Errors: as mesh_file_read. Free *out and *polygons after
+ * success. */
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 

@@ -23,20 +23,20 @@
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
 
-/* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
- * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
- * made up. */
+/* Maximum memory of assimp per byte of the file. Measured: 30 for binary STL (three vertices for each
+ * triangle of 50 bytes, and lists of faces), less for text. If assimp exceeds this, the file states a size
+ * that it does not have. */
 static const size_t memory_per_byte = 64;
-/* Nodes within nodes; files of meshes have a handful. The walk is recursive. */
+/* Maximum depth of the tree of nodes; mesh files have a few levels. The walk is recursive. */
 static const int deepest_node = 200;
 
 typedef struct bytes {
-    char name[32]; /* what the file is called towards the library */
+    char name[32]; /* the name of the file that is passed to the library */
     char *data;
     size_t size, at;
 } bytes;
 
-/* ---- the library's view of the one file */
+/* ---- I/O callbacks of the library */
 
 static size_t read_some(struct aiFile *file, char *to, size_t size, size_t count)
 {
@@ -76,7 +76,7 @@ static enum aiReturn seek(struct aiFile *file, size_t offset, enum aiOrigin orig
     return aiReturn_SUCCESS;
 }
 
-/* Materials and whatever else a mesh names are refused: only the file that was submitted is read. */
+/* Refuses materials and other files that a mesh names: only the submitted file is read. */
 static struct aiFile *open_file(struct aiFileIO *io, const char *name, const char *mode)
 {
     bytes *b = (bytes *)io->UserData;
@@ -101,20 +101,20 @@ static int answer_fault(error_code code, const char *text)
     return reader_refuse(code, text) ? 0 : 1;
 }
 
-/* What a command answers in addition to the triangles. */
+/* Data that a command adds to the triangles of the answer. */
 typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
 
-/* The answer is written by walks over the scene's nodes: to count, vertices, triangles; and the sizes and the
- * corners of the polygons. */
+/* The state of a walk over the nodes of the scene. The answer is written in several walks: one counts, the
+ * others write vertices, triangles, sizes of polygons and corners of polygons. */
 typedef struct walk {
     const struct aiScene *scene;
     enum { COUNT, VERTICES, TRIANGLES, SIZES, CORNERS } pass;
     mesh_reader_header header;
-    uint64_t polygons, corners; /* corners: of all polygons */
-    size_t first;               /* of the vertices of the mesh at hand */
+    uint64_t polygons, corners; /* corners: number of corners of all polygons */
+    size_t first;               /* index of the first vertex of the current mesh */
     bool failed;
-    unsigned group; /* of the node that is visited, among those that have meshes */
-    plain_mesh one; /* vertices of the mesh at hand, and the triangles of a polygon of it */
+    unsigned group; /* number of the visited node among those that have meshes */
+    plain_mesh one; /* vertices of the current mesh, and the triangles of one of its polygons */
 } walk;
 
 static void visit_vertices(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
@@ -139,7 +139,8 @@ static void write_triangles(walk *w, const uint32_t (*triangle)[3], size_t count
     }
 }
 
-/* Corners that are not vertices become UINT32_MAX, which mesh_file refuses. */
+/* Whether all corners of the polygons are vertices. write_polygon replaces invalid corners by UINT32_MAX,
+ * which mesh_file refuses. */
 static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *face)
 {
     bool exist = true;
@@ -147,7 +148,7 @@ static bool all_corners_exist(const struct aiMesh *mesh, const struct aiFace *fa
     return exist;
 }
 
-/* Writes the number of the corners of a polygon, or its corners. */
+/* Writes the number of corners of a polygon, or its corners. */
 static void write_polygon(walk *w, const struct aiFace *face)
 {
     const uint32_t size = face->mNumIndices;
@@ -213,9 +214,9 @@ static void visit(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, int 
     for (unsigned n = 0; n < node->mNumChildren; n++) visit(w, node->mChildren[n], m, depth + 1);
 }
 
-/* ---- what vertices have beside their places */
+/* ---- attributes of vertices */
 
-/* An array: what of a mesh it is, and which of several. */
+/* An attribute array: its kind, and its index among those of this kind (`slot`). */
 typedef struct values {
     enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL, OF_GROUP } what;
     unsigned slot;
@@ -230,7 +231,7 @@ static bool mesh_has(const struct aiMesh *mesh, const values *v)
                                   : true;
 }
 
-/* The value of a vertex; zeros if this one of several meshes has none. */
+/* The value of vertex n; zeros if this mesh of the scene does not have the attribute. */
 static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v, unsigned n,
                      float out[MESH_VALUES_COMPONENTS])
 {
@@ -242,7 +243,7 @@ static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, con
     } else if (v->what == OF_UV) {
         const struct aiVector3D t = mesh->mTextureCoords[v->slot][n];
         memcpy(out, (const float[]){t.x, t.y}, 2 * sizeof *out);
-    } else if (v->what == OF_NORMAL) { /* by the cofactors of the node's matrix, which keep it normal */
+    } else if (v->what == OF_NORMAL) { /* transformed by the cofactor matrix of the node's matrix */
         const struct aiVector3D k = mesh->mNormals[n];
         out[0] = (m->b2 * m->c3 - m->b3 * m->c2) * k.x + (m->b3 * m->c1 - m->b1 * m->c3) * k.y +
                  (m->b1 * m->c2 - m->b2 * m->c1) * k.z;
@@ -282,7 +283,7 @@ static uint32_t list_values(const struct aiScene *scene, values *list)
 
 static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, const values *v)
 {
-    aiMultiplyMatrix4(&m, &node->mTransformation); /* no deeper than the walks before */
+    aiMultiplyMatrix4(&m, &node->mTransformation); /* the depth was checked in the walks before */
     for (unsigned n = 0; n < node->mNumMeshes; n++) {
         if (node->mMeshes[n] >= w->scene->mNumMeshes) continue;
         const struct aiMesh *mesh = w->scene->mMeshes[node->mMeshes[n]];
@@ -293,11 +294,12 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
             w->failed = fwrite(value, sizeof *value, v->head.components, stdout) != v->head.components;
         }
     }
-    w->group += node->mNumMeshes > 0; /* the library makes a node of each group or object */
+    w->group += node->mNumMeshes > 0; /* the library makes one node for each group or object */
     for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
 }
 
-/* Also answers the vertex properties of a PLY file that the library does not read. */
+/* Writes the attributes of the scene, and those properties of a PLY file that the library does not read
+ * (`own`). */
 static void answer_values(walk *w, const ply_values *own)
 {
     values list[MESH_VALUES_MOST];
@@ -321,7 +323,7 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-/* The unit of an FBX file, in centimetres; 1 of any other. */
+/* Centimetres per unit of an FBX file; 1 for all other formats. */
 static double unit_of_scene(const struct aiScene *scene)
 {
     const struct aiMetadata *data = scene->mMetaData;
@@ -342,8 +344,8 @@ static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
     }
 }
 
-/* `own`: vertex properties of a PLY file that the library does not read, for values. `end`: as in the header.
- * `known`: unit and warnings of the file, as plain_mesh found them. */
+/* Writes the answer for a scene. `own`: vertex properties of a PLY file that the library does not read, for
+ * VALUES. `end`: as in the header. `known`: unit and warnings of the file, as plain_mesh found them. */
 static int answer_scene(const struct aiScene *scene, addition also, const ply_values *own, size_t end,
                         plain_mesh *known)
 {
@@ -366,7 +368,7 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
 }
 
-/* The same of a mesh that was read without the library. */
+/* Writes the answer for a mesh that was read without the library. `end`: as in the header. */
 static int answer_plain(const plain_mesh *m, size_t end)
 {
     const mesh_reader_header head = {.vertices = m->vertices,
@@ -398,7 +400,8 @@ static bool read_bytes(bytes *b)
     return true;
 }
 
-/* Leaves what the file declares; where that ends, or 0 where nothing but blanks and zeros follows. */
+/* Truncates the data at the end of the content that the file declares. Returns this end, or 0 if only blanks
+ * and zeros follow it. */
 static size_t cut_end(const char *ending, bytes *b)
 {
     const size_t end = content_end(ending, b->data, b->size);
@@ -408,7 +411,7 @@ static size_t cut_end(const char *ending, bytes *b)
     return follows ? end : 0;
 }
 
-/* Whether a number begins with its point at `at`, as in "v .5 -.5 0". */
+/* Whether the decimal point at `at` begins a number, as in "v .5 -.5 0". */
 static bool lacks_zero(const bytes *b, size_t at)
 {
     if (b->data[at] != '.' || at == 0 || at + 1 == b->size) return false;
@@ -416,7 +419,8 @@ static bool lacks_zero(const bytes *b, size_t at)
            b->data[at + 1] <= '9';
 }
 
-/* The library's reader of OBJ files does not see numbers that begin with their point. They get a zero. */
+/* Inserts a zero before each number that begins with a decimal point: the library's OBJ reader skips such
+ * numbers. */
 static bool add_zeros(bytes *b)
 {
     size_t more = 0, to = 0;
@@ -452,7 +456,7 @@ static void expand_strips(const char *ending, bytes *b)
     }
 }
 
-/* What the library says of a file that it did not take. */
+/* Converts the library's error message to an answer. */
 static int answer_refusal(const bytes *b, size_t memory, const char *why)
 {
     char text[MESH_READER_TEXT_MAX];
@@ -471,7 +475,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     }
     const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
     snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
-    for (char *own; (own = strstr(text + begin, b->name));) { /* the caller does not use this name */
+    /* replace the internal name by "the file" */
+    for (char *own; (own = strstr(text + begin, b->name));) {
         static const char file[] = "the file";
         const size_t length = strlen(b->name), rest = strlen(own + length) + 1;
         if ((size_t)(own - text) + sizeof file - 1 + rest > sizeof text) break;
@@ -483,8 +488,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* The refusal of a scene in a format that the library reads wrongly; NULL: there is none. The library also
- * recognises such files by words in them. */
+/* Returns the reason why a scene is refused: its format is one that the library reads wrongly. NULL: it is
+ * not. The library also recognises such files by words in them. */
 static const char *foreign_scene(const struct aiScene *scene)
 {
     const struct aiMetadata *data = scene->mMetaData;
@@ -513,8 +518,8 @@ static bool read_plain(const char *ending, const bytes *b, addition also, plain_
                             : plain_mesh_read(ending, b->data, b->size, out);
 }
 
-/* Ends the process where the file is read without the library, or refused. Else *plain is what is known of
- * it for the library. */
+/* Ends the process if the file is read without the library, or refused. Otherwise *plain has the unit and
+ * the warnings of the file. */
 static void try_plain(const char *ending, const bytes *b, addition also, plain_mesh *plain)
 {
     const char *foreign;
@@ -533,8 +538,8 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
     if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
 }
 
-/* Answers for a file of a format that the library does not read. A file that is refused as a whole is read
- * again without what follows the data that it declares, and with triangle strips as triangles. */
+/* Writes the answer for a format that the library does not read. If the reader refuses the file, it is read
+ * again: without the data after the declared content, and with triangle strips converted to triangles. */
 static int answer_only_reader(const char *ending, addition also, bytes *b)
 {
     plain_mesh m;
@@ -572,7 +577,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     if (also != VALUES && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], also, &b));
     try_plain(argv[1], &b, also, &plain);
-    const size_t whole = b.size, end = cut_end(argv[1], &b); /* readers take no file with more in it */
+    /* readers refuse files with more data */
+    const size_t whole = b.size, end = cut_end(argv[1], &b);
     if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
     expand_strips(argv[1], &b);
@@ -585,5 +591,5 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     int status = foreign                     ? answer_fault(ERROR_INPUT_UNSUPPORTED, foreign)
                  : scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
                                              : answer_refusal(&b, memory, aiGetErrorString());
-    _exit(status); /* nothing is left to do but to free what the library built */
+    _exit(status); /* _exit: freeing the library's memory takes time */
 }

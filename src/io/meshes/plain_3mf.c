@@ -12,56 +12,58 @@
 
 enum { DEEPEST_COMPONENT = 200, PARTS_MOST = 4096, PATH_MOST = 256, NUMBERS_OF_TRANSFORM = 12 };
 
-/* Objects that are placed: components that double at each level place 2^n objects, which may be empty. */
+/* Maximum number of placed objects. Components that double at each of n levels place 2^n objects, which may
+ * be empty. */
 enum { PLACED_MOST = 1000000 };
 
 /* A component of an object, or an item of the build. */
 typedef struct reference {
-    char *path, *id; /* NULL: in the same part, none */
+    char *path, *id; /* path NULL: in the same part. id NULL: none is given */
     double transform[16];
 } reference;
 
-/* An array that grows. */
+/* A growing array. */
 typedef struct list {
     void *items;
     size_t count, room;
 } list;
 
-/* An object: its vertices, triangles and components, which follow one another in the lists of the package. */
+/* An object. Its vertices, triangles and components are ranges of the package's lists. */
 typedef struct object {
     size_t part;
-    size_t vertex[2], triangle[2], component[2]; /* first, end */
+    /* index of the first one, and of the last one plus 1 */
+    size_t vertex[2], triangle[2], component[2];
     bool is_built;
 } object;
 
-/* Numbers of words, each word within the part `of`: a hash table with open addressing. */
+/* An entry of a hash table with open addressing that maps a word within the part `of` to a number. */
 typedef struct named {
     size_t of, number;
-    char *word; /* to be freed; NULL: an empty place */
+    char *word; /* owned; NULL: the entry is free */
 } named;
 
 typedef struct name_table {
     named *place;
-    size_t count, size; /* size: a power of 2, more than twice the count; or 0 */
+    size_t count, size; /* size: 0, or a power of 2 greater than twice the count */
 } name_table;
 
 typedef struct package {
     const char *archive;
     size_t size;
-    size_t part_count; /* the first is the root */
-    list objects;      /* object */
-    list vertices;     /* double[3] */
-    list triangles;    /* uint32_t[3] */
-    list components;   /* reference */
-    list items;        /* reference, of the build */
+    size_t part_count; /* part 0 is the root */
+    list objects;      /* of object */
+    list vertices;     /* of double[3] */
+    list triangles;    /* of uint32_t[3] */
+    list components;   /* of reference */
+    list items;        /* of reference: the items of the build */
     name_table part_names, object_names;
-    size_t placed; /* see PLACED_MOST */
+    size_t placed; /* number of placed objects, at most PLACED_MOST */
     size_t beam_lattices;
-    double unit;      /* of the root, in millimetres */
-    char *root;       /* the path of the root, or NULL */
-    size_t part;      /* that is read */
-    object *open;     /* the object that is read, or NULL */
-    bool is_building; /* within the build of the root */
+    double unit;      /* length of the root's unit, mm */
+    char *root;       /* path of the root part, or NULL */
+    size_t part;      /* the part that is being read */
+    object *open;     /* the object that is being read, or NULL */
+    bool is_building; /* the reader is within the root's <build> */
     plain_mesh *out;
 } package;
 
@@ -84,11 +86,11 @@ static bool read_entry(package *p, const char *path, char **out, size_t *length)
         return damaged(p, "a part of it cannot be decompressed");
     }
     if (!memchr(*out, 0, *length)) return true;
-    free(*out); /* UTF-16, which the standard allows */
+    free(*out); /* the standard permits UTF-16 */
     return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
 }
 
-/* Room for one more item, or NULL: the file is refused. */
+/* Returns the address for one more item. NULL: the file is refused. */
 static void *append(package *p, list *l, size_t size)
 {
     if (l->count == l->room) {
@@ -106,7 +108,7 @@ static void *append(package *p, list *l, size_t size)
 
 /* ---- names */
 
-/* The place of a word, or the empty place where it belongs. The table has a size. */
+/* The entry of a word, or the free entry for it. n->size > 0. */
 static named *find_place(const name_table *n, size_t of, const char *word)
 {
     uint64_t hash = 0xCBF29CE484222325u ^ of; /* FNV-1a */
@@ -123,7 +125,7 @@ static const named *find_name(const name_table *n, size_t of, const char *word)
     return at && at->word ? at : NULL;
 }
 
-/* Adds a word unless it is there. */
+/* Adds a word unless the table has it. */
 static bool add_name(package *p, name_table *n, size_t of, const char *word, size_t number)
 {
     if (!word) return true;
@@ -165,12 +167,13 @@ static bool read_index(const char **attributes, const char *name, uint32_t *out)
     return ok && number == (double)*out;
 }
 
-/* The twelve numbers of a transform are three axes and a translation; the matrix comes out row by row. No
- * attribute is the identity. */
+/* Reads a transform: three axes and a translation, twelve numbers. *m is row-major. Without the attribute it
+ * is the identity. */
 static bool read_transform(package *p, const char *at, double out[16])
 {
     double number[NUMBERS_OF_TRANSFORM] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
-    for (int k = 0; at && k < NUMBERS_OF_TRANSFORM; k++) /* line breaks in attributes are spaces */
+    /* line breaks in attributes were converted to spaces */
+    for (int k = 0; at && k < NUMBERS_OF_TRANSFORM; k++)
         if (!plain_mesh_number(&at, &number[k])) return damaged(p, "a transform is not twelve numbers");
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 4; k++) out[4 * i + k] = number[3 * k + i];
@@ -180,8 +183,8 @@ static bool read_transform(package *p, const char *at, double out[16])
 
 /* ---- the elements of a part */
 
-/* Extensions that a part requires by prefix: those that change no place of a mesh, and that which is read,
- * are known. */
+/* Checks the extensions that a part requires. Known are those that do not change positions, and the
+ * production extension, which is read. */
 static bool check_extensions(package *p, const char **model)
 {
     static const char *const known[] = {"/material/", "/production/", "/triangleset/", "/trianglesets/"};
@@ -283,7 +286,7 @@ static bool add_reference(package *p, list *to, const char **attributes)
     return read_transform(p, xml_attribute(attributes, "transform"), r->transform);
 }
 
-/* What is within an object. */
+/* Handles the begin of an element within an object. */
 static bool begin_in_object(package *p, const char *name, const char **attributes)
 {
     if (strcmp(name, "vertex") == 0) return add_vertex(p, attributes);
@@ -327,7 +330,7 @@ static bool read_xml(package *p, const char *path, xml document)
     return ok;
 }
 
-/* The part of a path, read when it is first named. */
+/* The part with a path. It is read when it is first named. */
 static bool find_part(package *p, const char *path, size_t *out)
 {
     const named *known = find_name(&p->part_names, 0, path);
@@ -344,7 +347,7 @@ static bool find_part(package *p, const char *path, size_t *out)
 
 /* ---- meshes */
 
-/* The number of the object that a component or an item names. */
+/* The index of the object that a component or an item names. */
 static bool find_object(package *p, size_t of, const reference *r, size_t *out)
 {
     if (r->path && !find_part(p, r->path, &of)) return false;
@@ -373,7 +376,8 @@ static bool add_mesh(package *p, const object *o, const double m[3][4])
     return true;
 }
 
-/* Adds the object that a component or an item of part `of` names, and its components. The lists may move. */
+/* Adds the object that a component or an item of part `of` names, with its components. May reallocate the
+ * lists. */
 static bool place(package *p, size_t of, reference r, const double m[3][4], int depth)
 {
     size_t number;

@@ -15,10 +15,11 @@
 
 enum { SIDES = 6, SPACE_SIZE = 64, MATRIX_SIZE = 1024, NUMBERS_OF_MATRIX = 16 };
 
-/* Arrays of a file. */
+/* Maximum number of arrays of a file. */
 static const int most_arrays = 4096;
 
-/* Bytes that zlib makes of one at most, and how many more of none. */
+/* Maximum length of unpacked data: (packed bytes + most_of_none) * most_packed. A deflate stream expands a
+ * byte to at most 1032. */
 static const double most_packed = 1032, most_of_none = 64;
 
 typedef enum encoding {
@@ -30,16 +31,16 @@ typedef enum encoding {
 } encoding;
 
 typedef struct array {
-    int number; /* in the file, from 0 */
+    int number; /* index in the file, from 0 */
     encoding encoding;
     number_type type;
     bool has_type, is_swapped, by_column;
     int dimensions;
     double side[SIDES];
-    size_t begin, end; /* of its text in the file */
+    size_t begin, end; /* range of its text in the file */
 } array;
 
-/* One of the two arrays of a surface, and how many there are. */
+/* One of the two arrays of a surface; `count`: how often the file has it. */
 typedef struct wanted {
     const char *intent;
     array array;
@@ -54,8 +55,8 @@ typedef struct gifti {
     wanted points, triangles;
     int arrays;
     bool has_root;
-    wanted *open; /* the array that is open, if it is one of these */
-    char *text;   /* where characters go; NULL: nowhere */
+    wanted *open; /* the array that is open, or NULL if it is none of these */
+    char *text;   /* buffer for character data; NULL: they are ignored */
     size_t text_size;
     char data_space[SPACE_SIZE], other_space[SPACE_SIZE], matrix[MATRIX_SIZE];
 } gifti;
@@ -133,7 +134,7 @@ static void begin_array(gifti *g, const char **attributes)
     }
 }
 
-/* Where the text of the element goes whose begin is read. */
+/* Sets the buffer for the character data of the element that begins. */
 static void collect(gifti *g, char *to, size_t size)
 {
     g->text = to;
@@ -178,7 +179,7 @@ static void take_text(void *context, const char *text, int length)
 
 /* ---- numbers */
 
-/* The only array with this intent is rows of three numbers. */
+/* Checks that the file has one array with this intent, with rows of three numbers. */
 static bool check_array(gifti *g, const wanted *w, bool is_whole)
 {
     const array *a = &w->array;
@@ -219,7 +220,7 @@ static bool damaged(gifti *g, const wanted *w, const char *format, ...)
                              w->array.number, w->intent, text);
 }
 
-/* Text as doubles or 64-bit integers. */
+/* Converts text to doubles or 64-bit integers. */
 static bool read_text(gifti *g, const wanted *w, size_t count, bool is_whole, unsigned char *to)
 {
     const char *at = g->data + w->array.begin, *end = g->data + w->array.end;
@@ -260,7 +261,8 @@ static bool read_packed(gifti *g, const wanted *w, size_t bytes, unsigned char *
     return ok;
 }
 
-/* The numbers, to be freed. Text becomes doubles or 64-bit integers. NULL: the file is refused. */
+/* Reads the numbers of an array, text as doubles or 64-bit integers. The caller frees them. NULL: the file
+ * is refused. */
 static unsigned char *read_array(gifti *g, wanted *w)
 {
     array *a = &w->array;
@@ -271,7 +273,7 @@ static unsigned char *read_array(gifti *g, wanted *w)
     }
     const double count = 3 * a->side[0], bytes = count * (double)number_bytes(a->type),
                  length = a->end > a->begin ? (double)(a->end - a->begin) : 0;
-    /* whether the file can have them, before there is room for them */
+    /* check before allocation that the data can have this number of values */
     const double possible = is_text                        ? (length + 1) / 2 * 8
                             : a->encoding == ENCODING_ZLIB ? (length + most_of_none) * most_packed
                                                            : length;
@@ -291,7 +293,7 @@ static unsigned char *read_array(gifti *g, wanted *w)
     return NULL;
 }
 
-/* Where number `column` of a row is. */
+/* Address of the number `column` of row `row`. */
 static const unsigned char *number_at(const wanted *w, const unsigned char *numbers, size_t row,
                                       size_t column)
 {

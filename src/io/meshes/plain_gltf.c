@@ -13,7 +13,7 @@
 #include "io/meshes/plain_mesh.h"
 
 enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
-/* Primitives that nodes place: many nodes may name one mesh of many primitives. */
+/* Maximum number of primitives that nodes place: many nodes may refer to one mesh with many primitives. */
 enum { PRIMITIVES_MOST = 1000000 };
 enum { TRIANGLES = 4, TRIANGLE_STRIP = 5, TRIANGLE_FAN = 6 };
 static const uint32_t CHUNK_JSON = 0x4E4F534Au, CHUNK_BIN = 0x004E4942u;
@@ -27,7 +27,7 @@ typedef struct list {
 typedef struct buffer {
     const char *data;
     size_t size;
-    char *decoded; /* of a URI that holds the data; to be freed */
+    char *decoded; /* decoded contents of a data URI; owned */
 } buffer;
 
 typedef struct gltf {
@@ -35,11 +35,12 @@ typedef struct gltf {
     size_t bin_size;
     json *root;
     list nodes, meshes, accessors, views, buffers;
-    buffer *loaded;                  /* of each buffer; data NULL: not yet */
-    bool *is_in_scene;               /* of each mesh */
-    size_t visited, primitives;      /* nodes; primitives, once for each node that places them */
-    size_t skins, morphs, instances; /* nodes that have one */
-    bool is_left;                    /* to the library */
+    buffer *loaded;                  /* one per buffer; data NULL: not loaded yet */
+    bool *is_in_scene;               /* per mesh: it is in the scene */
+    size_t visited, primitives;      /* visited nodes; placed primitives, counted for each node that refers
+                                      * to them */
+    size_t skins, morphs, instances; /* nodes with a skin, with morph targets, with instancing */
+    bool is_left;                    /* the file is left to the library */
     plain_mesh *out;
 } gltf;
 
@@ -66,12 +67,12 @@ static bool list_items(gltf *g, const char *key, list *out)
 
 static json_at member(const json *node, const char *key)
 {
-    static json_at at; /* a place without a way to it */
+    static json_at at; /* json_at without a path */
     at = json_root(node);
     return json_member(&at, key);
 }
 
-/* The item that an index names; NULL: there is none. */
+/* The item at an index. NULL: the index is not valid. */
 static const json *item_at(const list *l, double index)
 {
     return index >= 0 && index < (double)l->count && index == floor(index) ? l->item[(size_t)index] : NULL;
@@ -135,15 +136,16 @@ static bool load(gltf *g, size_t index, buffer *out)
 
 /* ---- accessors */
 
-/* `count` elements of numbers in a buffer. */
+/* `count` elements with `components` numbers each, in a buffer. */
 typedef struct elements {
     const char *at;
     size_t count, stride, components;
-    int type; /* of a number, as the file names it */
+    int type; /* componentType of the file */
     bool is_normalised;
 } elements;
 
-/* Types of numbers: as the file names them, and the number that stands for 1 where they are normalised. */
+/* Component types: the code in the file, the type, and the number that represents 1 if numbers are
+ * normalised. */
 typedef struct component_type {
     int name;
     number_type number;
@@ -166,7 +168,7 @@ static size_t bytes_of(int type)
     return t ? number_bytes(t->number) : 0;
 }
 
-/* The type is known. */
+/* Reads a number of an element. e->type is valid. */
 static double element(const elements *e, size_t index, size_t component)
 {
     const component_type *t = find_type(e->type);
@@ -175,7 +177,7 @@ static double element(const elements *e, size_t index, size_t component)
     return e->is_normalised && t->one > 1 ? fmax(value / t->one, -1) : value;
 }
 
-/* The elements of a view from an offset on. e->count, components and type are known. */
+/* Finds the elements in a view, from an offset. Set before: e->count, components and type. */
 static bool find_elements(gltf *g, double view, double offset, size_t accessor, elements *e)
 {
     const json *of = item_at(&g->views, view);
@@ -198,7 +200,7 @@ static bool find_elements(gltf *g, double view, double offset, size_t accessor, 
     return true;
 }
 
-/* Replaces the elements that a sparse accessor lists. */
+/* Replaces the elements that the `sparse` member of an accessor lists. */
 static bool put_sparse(gltf *g, const json *sparse, const elements *like, size_t accessor, double *values)
 {
     json_at at = json_root(sparse), indices = json_member(&at, "indices"),
@@ -226,7 +228,7 @@ static bool put_sparse(gltf *g, const json *sparse, const elements *like, size_t
     return true;
 }
 
-/* All numbers of an accessor; to be freed. NULL: the file is refused. */
+/* Reads all numbers of an accessor. The caller frees them. NULL: the file is refused. */
 static double *read_accessor(gltf *g, double index, const char *type, size_t components, size_t *count)
 {
     const json *node = item_at(&g->accessors, index);
@@ -259,8 +261,8 @@ static double *read_accessor(gltf *g, double index, const char *type, size_t com
 
 /* ---- meshes and nodes */
 
-/* The n-th triangle of a primitive, as places in the list of its corners. A strip's odd triangles run the
- * other way. */
+/* The corners of triangle n of a primitive, as indices in its list of corners. The odd triangles of a strip
+ * have opposite orientation. */
 static void corners_of(int mode, size_t n, size_t out[3])
 {
     out[0] = mode == TRIANGLES ? 3 * n : mode == TRIANGLE_FAN ? 0 : n;
@@ -268,7 +270,7 @@ static void corners_of(int mode, size_t n, size_t out[3])
     out[2] = mode == TRIANGLES ? 3 * n + 2 : mode == TRIANGLE_FAN || n % 2 == 0 ? n + 2 : n + 1;
 }
 
-/* index NULL: the corners are the vertices one after the other. */
+/* Adds the triangles of a primitive. index NULL: corner k is vertex k. */
 static bool add_triangles(gltf *g, int mode, const double *index, size_t corners, size_t first,
                           bool is_mirrored)
 {
@@ -320,7 +322,7 @@ static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
         g->is_left = true;
         return false;
     }
-    if (places < 0) return true; /* nothing to draw */
+    if (places < 0) return true; /* no positions: the primitive is not drawn */
     size_t vertices = 0, corners = 0;
     const size_t first = g->out->vertices;
     double *position = read_accessor(g, places, "VEC3", 3, &vertices),
@@ -362,7 +364,7 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     return true;
 }
 
-/* The matrix of a node's rotation and scale, R diag(s), with its translation, row by row. */
+/* Sets the matrix, row-major, of a node's translation t, rotation q and scale s: R diag(s). */
 static void compose_trs(const double t[3], const double q[4], const double s[3], double out[16])
 {
     const double x = q[0], y = q[1], z = q[2], w = q[3], n = x * x + y * y + z * z + w * w,
@@ -384,7 +386,7 @@ static bool read_numbers(gltf *g, const json *node, const char *key, double *out
            damaged(g, "wrong transform of node", index);
 }
 
-/* Row by row. */
+/* Reads the transform of a node, row-major. */
 static bool read_transform(gltf *g, const json *node, size_t index, double out[16])
 {
     double columns[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, t[3] = {0, 0, 0},
@@ -422,7 +424,7 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
     return ok;
 }
 
-/* The nodes of the scene; of a document without scenes those that are below no other. */
+/* Visits the nodes of the scene. Without scenes: the nodes that have no parent. */
 static bool visit_scene(gltf *g)
 {
     static const double identity[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
@@ -454,7 +456,7 @@ static bool visit_scene(gltf *g)
 
 /* ---- the document */
 
-/* Those that change no place of the mesh, or are read. */
+/* Whether an extension is read, or does not change positions of the mesh. */
 static bool is_known(const char *extension)
 {
     static const char *const known[] = {
@@ -543,7 +545,7 @@ static uint32_t word_at(const char *at)
     return le32toh(bits);
 }
 
-/* The parts of a binary file. False: it is none, or damaged. */
+/* Finds the two parts of a binary file. False: the file is not binary, or is damaged. */
 static bool split(const char *data, size_t size, const char **text, size_t *length, gltf *g)
 {
     if (size < HEAD + CHUNK_HEAD || word_at(data + 4) != 2 || word_at(data + HEAD + 4) != CHUNK_JSON)
@@ -567,7 +569,8 @@ bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out)
     size_t length = size;
     const bool is_binary = size >= MAGIC_BYTES && memcmp(data, "glTF", MAGIC_BYTES) == 0;
     if (is_binary && !split(data, size, &text, &length, &g)) return false;
-    while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == 0)) length--; /* padding */
+    /* remove padding */
+    while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == 0)) length--;
     g.root = json_parse(text, length, &e);
     if (!g.root) return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "its JSON is damaged: %.300s", e.message);
     const bool ok = read_document(&g);

@@ -12,8 +12,8 @@
 
 #include "io/meshes/polygon.h"
 
-/* Bytes from which an array gets pages of 2 MiB: page faults of 4 KiB pages would take longer than filling
- * it. */
+/* Arrays of at least this size, in bytes, use pages of 2 MiB: faults of 4 KiB pages would take longer than
+ * filling the array. */
 static const size_t LARGE = 4 << 20;
 
 static bool resize(void **items, size_t *room, size_t n, size_t size)
@@ -22,13 +22,14 @@ static bool resize(void **items, size_t *room, size_t n, size_t size)
     void *grown = realloc(*items, n * size);
     if (!grown) return false;
     const uintptr_t begin = ((uintptr_t)grown + page - 1) / page * page, end = (uintptr_t)grown + n * size;
-    if (n * size >= LARGE) madvise((void *)begin, end - begin, MADV_HUGEPAGE); /* a wish */
+    /* best effort: failure is ignored */
+    if (n * size >= LARGE) madvise((void *)begin, end - begin, MADV_HUGEPAGE);
     *items = grown;
     *room = n;
     return true;
 }
 
-/* Room for n items, twice as much as before when it grows. */
+/* Makes room for n items. An array that grows gets capacity 2 n. */
 static bool make_room(void **items, size_t *room, size_t n, size_t size)
 {
     return n <= *room || resize(items, room, n < 512 ? 1024 : 2 * n, size);
@@ -66,7 +67,7 @@ bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
            plain_mesh_refuse_memory(m);
 }
 
-/* Keeps a polygon as it is in the file, also one without a triangle: it has a number, too. */
+/* Stores a polygon of the file, also with fewer than three corners: polygons are numbered. */
 static bool keep_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
 {
     if (!make_room((void **)&m->polygon_size, &m->polygon_room, m->polygons + 1, sizeof *m->polygon_size) ||
@@ -243,7 +244,7 @@ bool plain_mesh_number(const char **at, double *out)
 
 typedef struct mesh_format {
     bool (*read)(const char *data, size_t size, plain_mesh *out);
-    bool is_final;       /* a file without triangles is read, too: nothing is left to the library */
+    bool is_final;       /* a file without triangles is accepted: nothing is left to the library */
     bool is_only_reader; /* the library does not read such files */
 } mesh_format;
 

@@ -31,27 +31,27 @@ typedef struct plain_mesh {
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
     bool is_quantised;   /* glTF: the coordinates are integers, which the library does not read */
-    bool keeps_polygons; /* the polygons are kept as they are in the file, in addition to the triangles */
+    bool keeps_polygons; /* the polygons of the file are kept, in addition to the triangles */
     size_t polygons, polygon_corners;
     uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */
     uint32_t *polygon_corner; /* vertices of the corners, polygon after polygon */
     size_t polygon_room, polygon_corner_room;
 } plain_mesh;
 
-/* Reads a file with the reader for `ending`, the ending of its name (any case). data[size] is 0. *out need
- * not be initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there is
- * nothing to free; out->refused is the error, or ERROR_NONE if the file is left to the library. Formats that
- * only this reader reads (plain_mesh_is_only_reader) are never left. */
+/* Reads a file with the reader for `ending`, the extension of its name (any case). data[size] is 0. *out
+ * need not be initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there
+ * is nothing to free; out->refused is the error, or ERROR_NONE if the file is left to the library. Formats
+ * that only this reader reads (plain_mesh_is_only_reader) are never left to the library. */
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* The same, and keeps the polygons. */
+/* As plain_mesh_read, and keeps the polygons. */
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether a reader is here. */
+/* Whether this module reads the format. */
 bool plain_mesh_reads(file_format format);
 
-/* Whether the mesh of files with this ending is read here only: OBJ, PLY, STL, VTK (.vtk, .vtp), GIfTI and
- * NPZ. (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see
+/* Whether only this module reads the mesh of files with this extension: OBJ, PLY, STL, VTK (.vtk, .vtp),
+ * GIfTI and NPZ. (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see
  * mesh_file_read_values.) */
 bool plain_mesh_is_only_reader(const char *ending);
 

@@ -11,15 +11,15 @@
 
 /* Bytes of an array before its header: signature, version and, in version 1, the length of the header. */
 enum { PREAMBLE = 10 };
-/* Largest number of points, so that no product overflows; the length of the data bounds it further. */
+/* Maximum number of points, so that products do not overflow. The length of the data is a tighter bound. */
 static const uint64_t POINTS_MOST = UINT32_MAX;
 
 typedef struct npy {
-    const char *name; /* of the array */
-    const char *data; /* numbers */
-    size_t bytes;     /* of them */
+    const char *name; /* name of the array */
+    const char *data; /* the numbers */
+    size_t bytes;     /* length of `data` in bytes */
     size_t size;      /* bytes of a number, 4 or 8 */
-    uint64_t count;   /* points */
+    uint64_t count;   /* number of points */
 } npy;
 
 static bool damaged(plain_mesh *out, const char *name, const char *why)
@@ -28,7 +28,7 @@ static bool damaged(plain_mesh *out, const char *name, const char *why)
                              name, why);
 }
 
-/* Skips the text if it is there. */
+/* Skips `text` if it is at *at. Returns whether it was. */
 static bool skip(const char **at, const char *text)
 {
     const size_t length = strlen(text);
@@ -56,7 +56,7 @@ static bool read_type(const char **at, npy *a, plain_mesh *out)
                              a->name);
 }
 
-/* The shape, which is the last member, and the blanks to the end of the header. */
+/* Reads the shape, the last member, and the blanks up to the end of the header. */
 static bool read_shape(const char **at, npy *a, plain_mesh *out)
 {
     const bool begins = skip(at, "'shape': (") && **at >= '1' && **at <= '9';

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* Wavefront OBJ: the lines v and f. Normals, texture coordinates, groups and materials do not change the
- * shape. Free-form curves and surfaces, and lines of words that are not known, are left out with a
+ * shape. Free-form curves and surfaces, and lines that begin with an unknown word, are skipped with a
  * warning. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,11 +9,11 @@
 #include "io/meshes/plain_mesh.h"
 
 typedef struct obj_facts {
-    const char *text;  /* of the file, in which no lines are joined */
+    const char *text;  /* the text of the file, before continued lines are joined */
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
-    size_t words;      /* vertices and faces */
-    char unknown[32];  /* the first word that is not known */
+    size_t words;      /* number of unknown words */
+    char unknown[32];  /* the first unknown word */
 } obj_facts;
 
 /* Whether c ends a line, or its part before a comment. */
@@ -28,8 +28,9 @@ static const char *skip_blanks(const char *at)
     return at;
 }
 
-/* x y z, and perhaps a weight w or a colour of three or four. The place is x/w y/w z/w. From a word on that
- * is not a number, as "-1.#IND" of a colour, the line is passed over. */
+/* Reads x y z, optionally followed by a weight w or by a colour of three or four numbers. The position is
+ * (x, y, z) / w. A word that is not a number, such as "-1.#IND" in a colour, ends the numbers: the rest of
+ * the line is skipped. */
 static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     const char *line = *at;
@@ -56,7 +57,8 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
     return plain_mesh_add_vertex(out, number);
 }
 
-/* The vertex of `7`, `7/1`, `7//3` or `7/1/3`; negative ones count from the last. */
+/* Reads the vertex of a corner: `7`, `7/1`, `7//3` or `7/1/3`. Negative numbers count back from the last
+ * vertex. */
 static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
 {
     char *end;
@@ -91,7 +93,7 @@ static bool is_one_of(const char *word, size_t length, const char *const *words,
     return false;
 }
 
-/* Takes a line that is neither a vertex nor a face. */
+/* Counts a line that is neither a vertex nor a face, for warnings. */
 static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
 {
     static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
@@ -117,7 +119,8 @@ static bool is_in_comment(const char *data, const char *at)
     return *at == '#';
 }
 
-/* The whole with lines that go on behind a `\` as one line each; NULL: there is none, or no memory. */
+/* A copy of the text in which continued lines (`\` at the end) are joined. NULL: there are none, or memory
+ * is exhausted. */
 static char *join_lines(const char *data)
 {
     char *copy = strstr(data, "\\\n") || strstr(data, "\\\r\n") ? strdup(data) : NULL;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* OFF: text and binary, with the prefixes ST, C, N and 4 of what vertices have beside their places. In text a
- * vertex and a face have a line each; what follows the numbers that are known, colours mostly, is passed
- * over. */
+/* OFF: text and binary, with the prefixes ST, C, N and 4 for further numbers of vertices. In text, a vertex
+ * and a face have one line each; what follows the numbers that are read, such as colours, is skipped. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,10 +14,10 @@ enum { NUMBER_SIZE = 4 };
 typedef struct off {
     const char *at, *end;
     bool is_binary, has_w;
-    size_t beside; /* floats of a binary vertex beside its place */
+    size_t beside; /* floats of a binary vertex after its position */
 } off;
 
-/* In text: to the next number, on this line or on one that holds something but a comment. */
+/* Text: skips blanks, line breaks and comments up to the next number. */
 static void skip_to_number(off *o)
 {
     while ((o->at += strspn(o->at, " \t\r\n"), *o->at == '#')) o->at += strcspn(o->at, "\n");
@@ -98,7 +97,7 @@ static bool take(const char **at, const char *word)
     return true;
 }
 
-/* The first word, and the number of dimensions of an nOFF file. */
+/* Reads the first word, and the number of dimensions of an nOFF file. */
 static bool read_head(off *o, plain_mesh *out)
 {
     long long dimensions;
@@ -130,7 +129,8 @@ bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
     if (!read_head(&o, out) || (!o.is_binary && memchr(data, 0, size))) return false;
     if (!read_integer(&o, &vertices) || !read_integer(&o, &faces) || vertices < 0 || faces < 0) return false;
     if (o.is_binary && !read_integer(&o, &edges)) return false;
-    if (!o.is_binary) o.at += strcspn(o.at, "\n"); /* the number of edges, which many files do not have */
+    /* skip the number of edges, which many files lack */
+    if (!o.is_binary) o.at += strcspn(o.at, "\n");
     for (long long k = 0; k < vertices; k++)
         if (!read_vertex(&o, out)) return false;
     for (long long k = 0; k < faces; k++)

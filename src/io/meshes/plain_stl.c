@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* STL: binary of the size that its count of triangles gives, or text of solids, one after the other. */
+/* STL: binary if the size is that which follows from its count of triangles; otherwise text, with one or
+ * more solids. */
 #include <string.h>
 #include <strings.h>
 
@@ -36,7 +37,7 @@ static bool read_binary(const unsigned char *data, size_t count, plain_mesh *out
     return true;
 }
 
-/* Whether the next word is this one; it is skipped then. */
+/* Skips `word` if it is the next word. Returns whether it was. */
 static bool take(const char **at, const char *word)
 {
     const size_t length = strlen(word);
@@ -69,7 +70,7 @@ static bool read_text(const char *data, plain_mesh *out)
 {
     const char *at = data, *expected = "solid";
     while (take(&at, "solid")) {
-        at += strcspn(at, "\r\n"); /* a name */
+        at += strcspn(at, "\r\n"); /* skip the name */
         bool good = true;
         while (good && take(&at, "facet")) good = read_facet(&at, out, &expected);
         if (!good || !take(&at, expected = "endsolid")) {

@@ -11,14 +11,14 @@
 
 typedef struct vtk {
     const char *data, *at, *end;
-    bool is_binary, has_offsets; /* has_offsets: cells in the layout of version 5.0 and later */
+    bool is_binary, has_offsets; /* has_offsets: the cells have the layout of version 5.0 and later */
     bool has_points;
     plain_mesh *out;
 } vtk;
 
 enum { WORD_SIZE = 64 };
 
-/* Refuses the file at the place that is read. */
+/* Refuses the file with its current position. */
 static bool refuse(vtk *v, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 static bool refuse(vtk *v, const char *format, ...)
@@ -40,7 +40,7 @@ static void skip_blanks(vtk *v)
     while (v->at < v->end && strchr(" \t\r\n", *v->at) && *v->at) v->at++;
 }
 
-/* The next word; false at the end. Longer ones are cut. */
+/* Reads the next word, truncated to WORD_SIZE - 1 bytes. False: end of the file. */
 static bool read_word(vtk *v, char word[WORD_SIZE])
 {
     size_t length = 0;
@@ -59,7 +59,7 @@ static void skip_line(vtk *v)
     v->at = end ? end + 1 : v->end;
 }
 
-/* A number of things that there are. */
+/* Reads a count. `of`: what is counted, for messages. */
 static bool read_count(vtk *v, const char *of, size_t *out)
 {
     char word[WORD_SIZE], *end = word;
@@ -108,8 +108,8 @@ static bool read_type(vtk *v, number_type *out)
 
 /* ---- numbers */
 
-/* Whether the file can have `count` numbers, before memory is allocated for them. Binary numbers begin after
- * the end of the line. As text each takes two characters, but the last one of a file. */
+/* Checks, before allocation, that the rest of the file can have `count` numbers. Binary numbers begin after
+ * the end of the line. In text each number takes at least two characters, except the last one of a file. */
 static bool expect_numbers(vtk *v, number_type type, size_t count, const char *of)
 {
     if (v->is_binary) skip_line(v);
@@ -173,7 +173,7 @@ static bool read_points(vtk *v)
     return true;
 }
 
-/* Each cell begins with the number of its points. */
+/* Reads cells that begin with their number of points. */
 static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t size)
 {
     const char *name = vtk_cells_name(kind);
@@ -205,7 +205,7 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
     return ok && (size == 0 || refuse(v, "ends %s, of which %zu numbers belong to no cell", name, size));
 }
 
-/* OFFSETS or CONNECTIVITY with its type: `count` numbers, to be freed. */
+/* Reads OFFSETS or CONNECTIVITY with its type: `count` numbers, which the caller frees. */
 static int64_t *read_list(vtk *v, const char *word, const char *of, size_t count)
 {
     char found[WORD_SIZE];
@@ -230,7 +230,7 @@ static int64_t *read_list(vtk *v, const char *word, const char *of, size_t count
     return list;
 }
 
-/* `count` offsets, one more than there are cells. */
+/* Reads cells given by `count` offsets, one more than the number of cells. */
 static bool read_offset_cells(vtk *v, vtk_cells_kind kind, size_t count, size_t size)
 {
     const char *name = vtk_cells_name(kind);
@@ -256,8 +256,8 @@ static bool read_cells(vtk *v, vtk_cells_kind kind)
                           : read_counted_cells(v, kind, cells, size);
 }
 
-/* Strings have a line each, or in binary files a length of 1, 2, 4 or 8 bytes, whose first two bits
- * determine the size. */
+/* Skips strings. In text each has a line. In binary files each has a length of 1, 2, 4 or 8 bytes, whose
+ * size is given by its first two bits. */
 static bool skip_strings(vtk *v, size_t count)
 {
     skip_line(v);
@@ -278,7 +278,7 @@ static bool skip_strings(vtk *v, size_t count)
     return true;
 }
 
-/* An array of a field. */
+/* Skips an array of a field. */
 static bool skip_array(vtk *v)
 {
     char word[WORD_SIZE];
@@ -304,7 +304,7 @@ static bool skip_array(vtk *v)
     return true;
 }
 
-/* Names and further facts of an array, to an empty line. */
+/* Skips the names and other metadata of an array, up to an empty line. */
 static void skip_metadata(vtk *v)
 {
     skip_line(v);
@@ -363,7 +363,7 @@ static bool read_sections(vtk *v)
     return true;
 }
 
-/* What the other kinds of data are. */
+/* Refuses the other kinds of data sets. */
 static bool refuse_dataset(vtk *v, const char *word)
 {
     const bool is_volume =

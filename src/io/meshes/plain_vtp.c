@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* VTK's XML files of PolyData (.vtp): arrays as text, as base64 and appended, raw or in base64, as they are
- * or packed by zlib. base/xml finds the arrays; what they hold is read here. Values of points and cells
- * change no place and are not read. */
+/* VTK's XML files of PolyData (.vtp). Arrays may be text, base64, or appended (raw or base64), with or
+ * without compression by zlib. base/xml finds the arrays; their contents are read here. Values of points and
+ * cells do not change positions and are not read. */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,10 +14,11 @@
 
 enum { SECTIONS = VTK_CELLS_KINDS + 1, POINTS = VTK_CELLS_KINDS };
 
-/* Pieces of a file. */
+/* Maximum number of pieces of a file. */
 static const size_t most_pieces = 1 << 16;
 
-/* Bytes that zlib makes of one at most, and how many more of none. */
+/* Maximum length of unpacked data: (packed bytes + most_of_none) * most_packed. A deflate stream expands a
+ * byte to at most 1032. */
 static const uint64_t most_packed = 1032, most_of_none = 64;
 
 typedef enum place { PLACE_NONE, PLACE_TEXT, PLACE_BASE64, PLACE_APPENDED } place;
@@ -25,12 +26,13 @@ typedef enum place { PLACE_NONE, PLACE_TEXT, PLACE_BASE64, PLACE_APPENDED } plac
 typedef struct array {
     place place;
     number_type type;
-    size_t begin, end; /* in the file; of appended ones `begin` is counted from their common beginning */
+    size_t begin, end; /* range in the file; `begin` of an appended array is relative to the start of the
+                        * appended data */
     bool has_end;
 } array;
 
-/* A piece: how many points and cells of each kind there are, and the arrays of each. Points have only
- * connectivity, their places. */
+/* A piece: for each section (points, and each kind of cells) the number of items and the arrays.
+ * `connectivity` of the points has their positions; they have no offsets. */
 typedef struct piece {
     size_t count[SECTIONS];
     array connectivity[SECTIONS], offsets[SECTIONS];
@@ -44,11 +46,11 @@ typedef struct vtp {
     piece *pieces;
     size_t piece_count;
     bool is_swapped, has_long_heads, is_packed;
-    bool has_file; /* its first element has come */
-    int section;   /* that is open, or -1 */
+    bool has_file; /* the element VTKFile has been read */
+    int section;   /* the section that is open, or -1 */
     array *open;   /* the array that is open, or NULL */
     bool has_appended, is_appended_base64;
-    size_t appended; /* where they begin */
+    size_t appended; /* start of the appended data in the file */
 } vtp;
 
 /* ---- the elements */
@@ -153,7 +155,7 @@ static void begin_array(vtp *v, const char **attributes)
     v->open = a;
 }
 
-/* What is appended may be no XML: reading stops. */
+/* Finds the start of the appended data, and stops the XML reader: they may not be valid XML. */
 static void begin_appended(vtp *v, const char **attributes)
 {
     const char *encoding = xml_attribute(attributes, "encoding");
@@ -219,7 +221,7 @@ typedef struct stream {
     bool is_base64;
 } stream;
 
-/* The next bytes. Those of base64 are a block of whole groups of four characters, padded. */
+/* Reads the next bytes. In base64 they are one block: whole groups of four characters, with padding. */
 static bool read_bytes(stream *s, unsigned char *to, size_t count)
 {
     if (!s->is_base64) {
@@ -231,7 +233,7 @@ static bool read_bytes(stream *s, unsigned char *to, size_t count)
     return base64_read(&s->at, s->end, to, count);
 }
 
-/* Bytes that a stream can have at most. */
+/* An upper bound of the number of bytes left in a stream. */
 static uint64_t bytes_left(const stream *s)
 {
     const uint64_t left = (uint64_t)(s->end - s->at);
@@ -249,10 +251,10 @@ static uint64_t head_at(const vtp *v, const unsigned char *at)
     return (uint64_t)whole;
 }
 
-/* What is wrong with an array: its kind and piece. */
+/* An array, for messages: its name and piece. */
 typedef struct wanted {
     const char *name;
-    size_t piece, bytes; /* bytes that it has to have */
+    size_t piece, bytes; /* bytes: the required length */
 } wanted;
 
 static bool damaged(vtp *v, const wanted *w, const char *why)
@@ -276,7 +278,7 @@ static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
         return damaged(v, w, why);
     }
     if (!s.is_base64) return read_bytes(&peek, to, w->bytes) || damaged(v, w, "ends early");
-    /* one block of base64 with the length, whose bytes are in the same groups */
+    /* base64: the length and the data share one block */
     unsigned char *both = malloc(size + w->bytes);
     if (!both) return plain_mesh_refuse_memory(v->out);
     const bool ok = read_bytes(&s, both, size + w->bytes) || damaged(v, w, "ends early, or is not base64");
@@ -285,8 +287,8 @@ static bool read_plain(vtp *v, stream s, const wanted *w, unsigned char *to)
     return ok;
 }
 
-/* Blocks of one length, the last one shorter, each packed; before them their number, these lengths, and
- * the packed ones. */
+/* Reads compressed data: a header with the number of blocks, their unpacked length, that of the last block
+ * if it is shorter, and the packed lengths; then the blocks. */
 static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
 {
     unsigned char first[24];
@@ -316,7 +318,7 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
         most = own > most ? own : most;
     }
     if (ok && total > left) ok = damaged(v, w, "has blocks that are longer than the file");
-    /* blocks of base64 follow one another in the same groups */
+    /* base64: all blocks of data share one block of base64 */
     if (ok && s.is_base64 && (!(packed = malloc(total > 0 ? (size_t)total : 1))))
         ok = plain_mesh_refuse_memory(v->out);
     if (ok && s.is_base64 && !read_bytes(&s, packed, (size_t)total))
@@ -336,7 +338,7 @@ static bool read_packed(vtp *v, stream s, const wanted *w, unsigned char *to)
     return ok;
 }
 
-/* Text as doubles or 64-bit integers. */
+/* Converts text to doubles or 64-bit integers. */
 static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, bool is_whole, unsigned char *to)
 {
     const char *at = v->data + a->begin, *end = v->data + a->end;
@@ -350,7 +352,7 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
             if (at < end) at = behind;
             memcpy(to + 8 * k, &whole, sizeof whole);
         } else if (at < end) {
-            /* numbers end at blanks, the last one perhaps at a tag */
+            /* numbers end at blanks, or at a tag */
             char word[64];
             const size_t length = strcspn(at, " \t\r\n<");
             const char *in = word;
@@ -367,8 +369,8 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
     return true;
 }
 
-/* `count` numbers of an array, to be freed. *type is what they are then, *swapped whether in the other byte
- * order. NULL: the file is refused. */
+/* Reads `count` numbers of an array. The caller frees them. *type: their type. *swapped: they have the
+ * opposite byte order. NULL: the file is refused. */
 static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, const char *name, size_t count,
                                  number_type *type, bool *swapped)
 {
@@ -389,7 +391,7 @@ static unsigned char *read_array(vtp *v, const array *a, size_t piece_index, con
         }
         s = (stream){v->data + v->appended + a->begin, v->data + v->size, v->is_appended_base64};
     }
-    /* whether the file can have them, before there is room for them */
+    /* check before allocation that the data can have this number of values */
     const uint64_t left = (uint64_t)(s.end - s.at),
                    possible = a->place == PLACE_TEXT ? (left + 1) / 2
                               : v->is_packed         ? (left + most_of_none) * most_packed / each

@@ -10,37 +10,37 @@
 
 #define NONE UINT32_MAX
 
-/* Maximum number of tests of a corner against an ear, and of cells that are searched. */
+/* Maximum amount of work: tests of a corner against an ear, plus searched cells. */
 static const uint64_t most_work = (uint64_t)1 << 30;
-/* Diagonals of a quadrangle that differ by less are equal: those of a rectangle differ by the rounding of
+/* Relative tolerance for equal diagonals of a quadrangle: those of a rectangle differ by the rounding of
  * floats. */
 static const double same_length = 1e-6;
-/* As a share of the polygon's area: flipped triangles with more area overlap other triangles; with less, the
- * corners are rounded. */
+/* Maximum area of flipped triangles, as a fraction of the polygon's area. Beyond it triangles overlap; below
+ * it the corners are rounded. */
 static const double crossed_area = 1e-6;
 
-/* Polygons of no more corners need no memory for their order. */
+/* Maximum number of corners whose order is stored without allocation. */
 enum { FEW_CORNERS = 64 };
 
-/* Corners are numbered around the polygon from 0. */
+/* The state of the cutting of a polygon. Corners are numbered around the polygon from 0. */
 typedef struct cutting {
     const uint32_t *corner;
     size_t count;
-    double (*at)[2]; /* of each corner, in the plane in which the polygon turns to the left */
+    double (*at)[2]; /* per corner: its position in the plane, in which the polygon is counter-clockwise */
     uint32_t *next, *previous;
-    bool *reflex;           /* it may lie in an ear: it is not convex, and not clipped */
-    uint32_t *in_cell;      /* of each corner: the next one in its cell */
-    uint32_t *cell;         /* of each cell: its first reflex corner */
-    size_t side;            /* cells along either axis */
-    double low[2], size[2]; /* the grid's corner, and its cells' sides */
+    bool *reflex;           /* per corner: it is not convex, and not clipped, so that it may lie in an ear */
+    uint32_t *in_cell;      /* per corner: the next one in its cell */
+    uint32_t *cell;         /* per cell: its first reflex corner */
+    size_t side;            /* number of cells along each axis */
+    double low[2], size[2]; /* lowest corner of the grid; size of a cell */
     uint64_t work;
-    size_t made;          /* triangles */
-    double area, crossed; /* twice the area of the triangles, and of those that are turned over */
+    size_t made;          /* number of triangles */
+    double area, crossed; /* twice the total area of the triangles, and that of the flipped ones */
 } cutting;
 
 /* ---- orientation */
 
-/* Adds a number to a sum of `count` numbers that do not overlap; the sum stays exact. */
+/* Adds a number to an expansion: a sum of `count` doubles that do not overlap. Exact. */
 static int add_exactly(double *sum, int count, double added)
 {
     for (int k = 0; k < count; k++) {
@@ -59,7 +59,8 @@ static int add_product(double *sum, int count, double a, double b)
     return add_exactly(sum, count, high);
 }
 
-/* a b - a c - (swapped), in full: the largest part that is not zero has the sign. */
+/* Exact sign of orient: the six products are expanded, and the largest component that is not zero has the
+ * sign. */
 static double orient_exactly(const double a[2], const double b[2], const double c[2])
 {
     const double product[6][2] = {{a[0], b[1]},  {-a[0], c[1]}, {-c[0], b[1]},
@@ -71,8 +72,8 @@ static double orient_exactly(const double a[2], const double b[2], const double 
     return count > 0 ? sum[count - 1] : 0;
 }
 
-/* Above 0 where a, b, c turn to the left: twice the area of their triangle, with the right sign. The bound
- * is Shewchuk's. */
+/* Twice the signed area of the triangle a, b, c: positive if it turns to the left. The sign is exact; the
+ * error bound that decides whether exact arithmetic is needed is Shewchuk's. */
 static double orient(const double a[2], const double b[2], const double c[2])
 {
     static const double bound = 3.3306690738754716e-16;
@@ -110,8 +111,8 @@ static vec3 polygon_normal(const double (*place)[3], const uint32_t *corner, siz
 
 /* ---- spikes */
 
-/* How far a corner may be from the line through two others if all three are rounded places of it
- * (geometry/mesh/rounding.h). */
+/* Maximum distance of a corner from the line through two others if the exact positions of all three are
+ * collinear and each is rounded (geometry/mesh/rounding.h). */
 static double reach_of(const double (*place)[3], const uint32_t *corner, size_t count)
 {
     static const double of_double = 6 * 0x1p-53, of_float = 0x1p-24;
@@ -126,8 +127,8 @@ static double reach_of(const double (*place)[3], const uint32_t *corner, size_t 
     return 2 * sqrt(3) * largest * (of_double + (are_floats ? of_float : 0));
 }
 
-/* Whether the sides at a tip lie on each other to within rounding, so that the triangle there has no area.
- * Rounding alone decides whether such sides cross. */
+/* Whether the two sides at a tip coincide within rounding, so that the triangle there has no area. Whether
+ * such sides cross depends on rounding alone. */
 static bool is_spike(const double before[3], const double tip[3], const double after[3], double reach)
 {
     const vec3 a = vec3_sub(vector(before), vector(tip)), b = vec3_sub(vector(after), vector(tip));
@@ -137,7 +138,7 @@ static bool is_spike(const double before[3], const double tip[3], const double a
 
 /* ---- fans */
 
-/* Whether all triangles of the fan about corner `first` look to the side of the normal. */
+/* Whether the normals of all triangles of the fan about corner `first` are on the side of `normal`. */
 static bool is_fan(const double (*place)[3], const uint32_t *corner, size_t count, size_t first, vec3 normal)
 {
     for (size_t k = 1; k + 1 < count; k++) {
@@ -165,7 +166,7 @@ static bool is_before(const double a[3], const double b[3])
     return false;
 }
 
-/* The corner whose place comes before those of all others. */
+/* The corner whose position is lexicographically the lowest. */
 static size_t first_corner(const double (*place)[3], const uint32_t *corner, size_t count)
 {
     size_t first = 0;
@@ -174,7 +175,7 @@ static size_t first_corner(const double (*place)[3], const uint32_t *corner, siz
     return first;
 }
 
-/* The corner of a quadrangle after the tip of a spike; 4: there is none. */
+/* The corner of a quadrangle after the tip of a spike; 4: there is no spike. */
 static size_t after_spike(const double (*place)[3], const uint32_t *corner)
 {
     const double reach = reach_of(place, corner, 4);
@@ -184,8 +185,8 @@ static size_t after_spike(const double (*place)[3], const uint32_t *corner)
     return 4;
 }
 
-/* If neither diagonal lies inside, the quadrangle has a spike, which is cut off, or crosses itself, or has
- * no area. */
+/* Cuts a quadrangle along its shorter diagonal that lies inside. If neither does, it has a spike, which is
+ * cut off, or it crosses itself or has no area. */
 static polygon_result cut_quadrangle(const double (*place)[3], const uint32_t *corner, vec3 normal,
                                      uint32_t (*out)[3])
 {
@@ -219,7 +220,7 @@ static bool is_at(const cutting *c, uint32_t a, uint32_t b)
     return c->at[a][0] == c->at[b][0] && c->at[a][1] == c->at[b][1];
 }
 
-/* Whether an edge of corner q, which is at the place of corner k of the ear, goes into the ear there. */
+/* Whether an edge of corner q enters the ear. Corner q is at the position of corner k of the ear. */
 static bool goes_into(const cutting *c, const uint32_t ear[3], int k, uint32_t q)
 {
     const uint32_t ends[2] = {c->next[q], c->previous[q]};
@@ -230,7 +231,8 @@ static bool goes_into(const cutting *c, const uint32_t ear[3], int k, uint32_t q
     return false;
 }
 
-/* Whether corner q hinders the ear: it is in the closed triangle, and no corner of it. */
+/* Whether corner q obstructs the ear: q is in the closed triangle and is not one of its corners. A corner at
+ * the position of one of the ear's corners obstructs if an edge of it enters the ear. */
 static bool hinders(const cutting *c, const uint32_t ear[3], uint32_t q)
 {
     if (q == ear[0] || q == ear[1] || q == ear[2]) return false;
@@ -270,8 +272,8 @@ static double turn_at(const cutting *c, uint32_t tip)
     return orient_corners(c, c->previous[tip], tip, c->next[tip]);
 }
 
-/* The next ear from corner `from` on. Where there is none the polygon crosses itself, or what is left has no
- * area: then the first corner that does not turn to the right, or `from`. */
+/* Finds the next ear, from corner `from`. If there is none, the polygon crosses itself or the remainder has
+ * no area: returns the first corner that does not turn to the right, or `from`. */
 static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
 {
     uint32_t flat = NONE, tip = from;
@@ -286,7 +288,7 @@ static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
     return flat != NONE ? flat : from;
 }
 
-/* Returns the corner after the tip. */
+/* Cuts off the ear at `tip`. Returns the next corner. */
 static uint32_t clip(cutting *c, uint32_t tip, uint32_t (*out)[3])
 {
     uint32_t ear[3];
@@ -310,8 +312,9 @@ static bool is_spike_at(const cutting *c, const double (*place)[3], double reach
     return is_spike(place[c->corner[ear[0]]], place[c->corner[tip]], place[c->corner[ear[2]]], reach);
 }
 
-/* Before ears: one may hold a spike whose sides cross by rounding, and corners become reflex. Behind a spike
- * may be another one. Returns a corner that is left. */
+/* Cuts off spikes, before ears are clipped: an ear may contain a spike whose sides cross by rounding, and
+ * cutting makes corners reflex. A spike may appear behind another one. Returns one of the remaining
+ * corners. */
 static uint32_t clip_spikes(cutting *c, const double (*place)[3], uint32_t (*out)[3])
 {
     const double reach = reach_of(place, c->corner, c->count);
@@ -332,12 +335,12 @@ static polygon_result clip_ears(cutting *c, uint32_t tip, uint32_t (*out)[3])
     while (c->count - c->made >= 3) {
         tip = find_ear(c, tip, c->count - c->made);
         if (c->work > most_work) return POLYGON_TOO_LARGE;
-        tip = c->next[clip(c, tip, out)]; /* not beside the last one: fewer triangles at one corner */
+        tip = c->next[clip(c, tip, out)]; /* skip a corner: avoids many triangles at one corner */
     }
     return c->crossed > crossed_area * c->area ? POLYGON_CROSSED : POLYGON_CUT;
 }
 
-/* Places in the plane: without the coordinate along which the normal is longest. */
+/* Projects the corners along the axis of the longest component of the normal. */
 static void project(cutting *c, const double (*place)[3], vec3 normal)
 {
     int along = 0;
@@ -359,7 +362,8 @@ static void link_corners(cutting *c)
     }
 }
 
-/* About as many cells as reflex corners. `tip` is one of the remaining corners. */
+/* Makes a grid with about as many cells as there are reflex corners. `tip` is one of the remaining
+ * corners. */
 static bool make_grid(cutting *c, uint32_t tip)
 {
     const size_t left = c->count - c->made;
@@ -414,7 +418,7 @@ static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corn
     return result;
 }
 
-/* A polygon of more than four corners, from its first corner on. */
+/* Cuts a polygon of more than four corners, given from its first corner. */
 static polygon_result cut_in_order(const double (*place)[3], const uint32_t *corner, size_t count,
                                    uint32_t (*out)[3])
 {
@@ -424,8 +428,8 @@ static polygon_result cut_in_order(const double (*place)[3], const uint32_t *cor
     return POLYGON_CUT;
 }
 
-/* The corners from the one that comes first in space, towards that of its neighbours which comes before the
- * other, so that copies of a polygon are cut alike. Returns whether that turns the polygon over. */
+/* Orders the corners: from the lexicographically lowest one, towards the lower one of its two neighbours.
+ * Thus copies of a polygon are cut alike. Returns whether this reverses the orientation. */
 static bool put_in_order(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t *out)
 {
     const size_t first = first_corner(place, corner, count);
@@ -442,7 +446,7 @@ static void swap(uint32_t *a, uint32_t *b)
     *b = kept;
 }
 
-/* The triangles of a polygon that was turned over, as those of the polygon, and in its order. */
+/* Restores the orientation and the order of triangles of a polygon that put_in_order reversed. */
 static void turn_back(uint32_t (*out)[3], size_t count)
 {
     for (size_t t = 0; t < count; t++) swap(&out[t][1], &out[t][2]);

@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* POLYGON_CROSSED: the triangles overlap, as the polygon crosses itself. POLYGON_TOO_LARGE: it takes more
- * work than is allowed. */
+/* POLYGON_CROSSED: the triangles overlap, because the polygon crosses itself. POLYGON_TOO_LARGE: the limit
+ * on the work was exceeded. */
 typedef enum polygon_result {
     POLYGON_CUT,
     POLYGON_CROSSED,

@@ -7,7 +7,7 @@ const char *vtk_cells_name(vtk_cells_kind kind)
     return names[kind];
 }
 
-/* A strip's triangles turn round one after the other. */
+/* Adds the triangles of a strip. Odd triangles have opposite orientation. */
 static bool add_strip(plain_mesh *m, size_t count)
 {
     for (size_t k = 0; k + 2 < count; k++)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vtk_data: what VTK's PolyData is made of, in its text and XML forms, and the mesh that it becomes. Runs in
- * the process that reads. Threads: none.
+/* vtk_data: the cells of VTK's PolyData, in its text and XML forms, and their conversion to triangles. Runs
+ * in the process that reads. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_VTK_DATA_H
 #define HEXAD_IO_MESHES_VTK_DATA_H

@@ -7,7 +7,7 @@
 
 #include <minizip/unzip.h>
 
-/* The library's view of the archive. */
+/* The archive in memory, for the library's I/O callbacks. */
 typedef struct memory {
     const char *data;
     size_t size, at;
@@ -59,7 +59,7 @@ static int close_memory(voidpf opaque, voidpf stream)
     return 0;
 }
 
-/* The entry that is open. */
+/* Unpacks the open entry. */
 static zip_result unpack(unzFile archive, char **out, size_t *length)
 {
     unz_file_info64 info;
@@ -94,7 +94,7 @@ zip_result zip_entry_read(const char *archive, size_t size, const char *name, ch
     unzFile opened = unzOpen2_64("archive", &functions);
     zip_result result = ZIP_ENTRY_DAMAGED;
     if (!opened) return result;
-    if (unzLocateFile(opened, name, 2) != UNZ_OK) /* 2: case does not count */
+    if (unzLocateFile(opened, name, 2) != UNZ_OK) /* 2: not case-sensitive */
         result = ZIP_ENTRY_MISSING;
     else if (unzOpenCurrentFile(opened) == UNZ_OK)
         result = unpack(opened, out, length);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* zip_entry: a file within a ZIP archive in memory. The second user of minizip, beside formats. Threads:
+/* zip_entry: reads a file of a ZIP archive in memory, with minizip, which io/points also uses. Threads:
  * none. */
 #ifndef HEXAD_IO_MESHES_ZIP_ENTRY_H
 #define HEXAD_IO_MESHES_ZIP_ENTRY_H

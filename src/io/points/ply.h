@@ -55,11 +55,11 @@ typedef struct ply_job {
     columns what;
     ply_format format;
     ply_precision precision;
-    const char *comments; /* of ply_write */
+    const char *comments; /* as in ply_write */
     threads *pool;
 } ply_job;
 
-/* ply_write; `job` is a const ply_job. */
+/* ply_write as a function with a context: `job` is a const ply_job. */
 bool ply_write_job(FILE *file, void *job, error *e);
 
 #endif

@@ -16,7 +16,7 @@
 typedef enum point_attribute_kind {
     POINT_ATTRIBUTE_FLOAT,
     POINT_ATTRIBUTE_INT,
-    POINT_ATTRIBUTE_VECTOR, /* three components, as the next two; a color may have four */
+    POINT_ATTRIBUTE_VECTOR, /* three components, as the next two kinds; a color may have four */
     POINT_ATTRIBUTE_NORMAL,
     POINT_ATTRIBUTE_COLOR,
     POINT_ATTRIBUTE_UV /* two components */

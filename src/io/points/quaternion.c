@@ -6,7 +6,7 @@
 void quaternion_of_normal(vec3 normal, double twist, double out[4])
 {
     const double side = hypot(normal.x, normal.y), half = 0.5 * atan2(side, normal.z);
-    /* of the shortest way: its axis is z x normal; it has no component along z */
+    /* the shortest rotation is about z x normal, which has no z component */
     const double x = sin(half) * (side > 0 ? -normal.y / side : 1),
                  y = sin(half) * (side > 0 ? normal.x / side : 0), w = cos(half), s = sin(0.5 * twist),
                  c = cos(0.5 * twist), sign = w * c < 0 ? -1 : 1;

@@ -12,7 +12,7 @@
 typedef struct scene_instancer {
     const char *prototype; /* path of an asset, as the file has it */
     const double *orient;  /* of each point a unit quaternion x y z w */
-    const double *scale;   /* of each point along x, y and z of the prototype */
+    const double *scale;   /* per point, along x, y and z of the prototype */
 } scene_instancer;
 
 typedef struct scene {
@@ -20,13 +20,13 @@ typedef struct scene {
     /* glTF and USD have positions minus the origin as floats, and the origin, in doubles, as a
      * translation. */
     vec3 origin;
-    const scene_instancer *instancer; /* of points in USD; or NULL */
+    const scene_instancer *instancer; /* instances of the points in USD; or NULL */
     /* frames of the sequence; 0: there is no sequence, and the next members are unused */
     size_t frame_count;
     int frame;
     const int *frames;    /* ascending */
     char *const *folders; /* folder of each frame relative to that of this frame: "." or "../7" */
-    char *const *below;   /* likewise, relative to the folder that contains all: "./7" */
+    char *const *below;   /* folder of each frame relative to the folder that contains all of them: "./7" */
 } scene;
 
 #endif

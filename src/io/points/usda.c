@@ -14,7 +14,7 @@
 #include "io/points/half.h"
 #include "io/points/property.h"
 
-/* Digits with which a float, or a whole number, reads back exactly. */
+/* Number of significant digits with which a float, a whole number and a double are read back exactly. */
 enum { FLOAT_DIGITS = 9, WHOLE_DIGITS = 16, DOUBLE_DIGITS = 17 };
 /* Time codes are frames; velocities are per second. This is USD's default rate. */
 enum { FRAMES_PER_SECOND = 24 };
@@ -27,7 +27,7 @@ enum { VALUES_WORDS = 480 };
 #define SUBDIVISION "    uniform token subdivisionScheme = \"none\"\n"
 #define PROTOTYPES "    rel prototypes = </points/prototypes/prototype>\n"
 
-/* What the prim is. */
+/* The kind of the prim. */
 typedef enum prim_kind { PRIM_POINTS, PRIM_MESH, PRIM_INSTANCER } prim_kind;
 
 static prim_kind kind_of(const points *set, const scene *place)
@@ -175,7 +175,8 @@ static bool write_extent(FILE *file, const points *set, const scene *place)
                    high.y, high.z, behind) > 0;
 }
 
-/* Frames of a sequence always have one, so that all have the same properties, and so do instances. */
+/* Frames of a sequence always have a translation, so that all have the same properties. Instances have one,
+ * too. */
 static bool has_translation(const scene *place)
 {
     return place->frame_count > 0 || place->instancer || vec3_norm(place->origin) > 0;
@@ -234,7 +235,7 @@ static size_t list_properties(const points *set, const scene *place, property **
         {"orientations", PROPERTY_INSTANCE_ORIENT_HALF, false, 0, 4, i->orient, 1, false, NULL},
         {"orientationsf", PROPERTY_INSTANCE_ORIENT, false, 0, 4, i->orient, 1, false, NULL},
         {"scales", PROPERTY_INSTANCE_SCALE, false, 0, 3, i->scale, 1, false, NULL},
-        /* scale 0: all prototypes have index 0 */
+        /* scale 0: all prototype indices are 0 */
         {"protoIndices", PROPERTY_INSTANCE_PROTOTYPE, true, 0, 1, set->spacing_local, 0, false, NULL}};
     memcpy(list + kept, more, sizeof more);
     return kept + OF_INSTANCES;
@@ -296,8 +297,8 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e)
 
 /* ---- the stage of a sequence ---- */
 
-/* Writes the value clips: which file has the values at which time. The stage is its own manifest of the
- * properties in the files. */
+/* Writes the value clips: the file that has the values of each time code. The stage is its own manifest of
+ * the properties in the files. */
 static bool write_clips(FILE *file, const char *name, const char *manifest, char *const *folders,
                         const scene *place)
 {

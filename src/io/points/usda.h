@@ -19,7 +19,7 @@ bool usda_write(FILE *file, const points *set, const scene *place, error *e);
 /* The stage of the sequence, with the properties of this frame. */
 bool usda_write_sequence(FILE *file, const points *set, const scene *place, error *e);
 
-/* The same stage for the folder that contains those of all frames. */
+/* usda_write_sequence for the folder that contains the folders of all frames. */
 bool usda_write_stage(FILE *file, const points *set, const scene *place, error *e);
 
 #endif

@@ -13,7 +13,7 @@
 typedef struct vtp {
     FILE *file;
     size_t rows;
-    uint64_t offset; /* of the next array in the appended bytes */
+    uint64_t offset; /* offset of the next array in the appended data */
 } vtp;
 
 static uint64_t bytes_of(const vtp *v, int components)
@@ -30,7 +30,8 @@ static void describe(vtp *v, const char *name, bool whole, int components)
     v->offset += sizeof(uint64_t) + bytes_of(v, components);
 }
 
-/* The first property is the position. VTK takes the arrays that PointData names for shading and textures. */
+/* Writes the head. The first property is the position. PointData names the arrays that VTK uses for shading
+ * and textures. */
 static void write_head(vtp *v, const property *list, size_t count)
 {
     bool has_texture = false;
@@ -69,7 +70,7 @@ static void write_property(const vtp *v, const property *p)
         }
 }
 
-/* Whole numbers from `first` on, one for each point. */
+/* Writes the whole numbers from `first`, one per point. */
 static void write_sequence(const vtp *v, uint64_t first)
 {
     write_number(v->file, bytes_of(v, 1));

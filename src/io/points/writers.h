@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* writers: the table of what writes points and their mesh, by format, besides PLY and OpenVDB. A new format
- * needs a file with a function, a row in writers.c, and its row in base/core/file_format.c.
+/* writers: the table of the functions that write points and their mesh, by format, except PLY and OpenVDB. A
+ * new format needs a file with a function, a row in writers.c, and its row in base/core/file_format.c.
  *
  * The same points give the same bytes: files have no dates and no paths. No function keeps state.
  */
@@ -15,8 +15,8 @@
 #include "io/points/points.h"
 #include "io/points/scene.h"
 
-/* The files of a format: one of the points; and, with the frame that is listed first, files of all frames,
- * whose second belongs above the directories of the frames. */
+/* The files of a format. POINTS: the points of one result. SEQUENCE and STAGE are written with the first
+ * frame and refer to the files of all frames; STAGE belongs above the directories of the frames. */
 typedef enum writer_part { WRITER_POINTS, WRITER_SEQUENCE, WRITER_STAGE, WRITER_PARTS } writer_part;
 
 typedef bool writer_function(FILE *file, const points *set, const scene *place, error *e);
@@ -25,9 +25,9 @@ typedef struct writer {
     /* Writes to an empty file from its start, and flushes it. The stream need not have a descriptor, nor be
      * readable. NULL: no such file. */
     writer_function *write[WRITER_PARTS];
-    bool has_colors;    /* even without a color attribute */
-    bool has_mesh;      /* writes meshes, too */
-    bool has_instances; /* of the scene */
+    bool has_colors;    /* colors are written even without a color attribute */
+    bool has_mesh;      /* writes meshes */
+    bool has_instances; /* writes instances (scene.h) */
 } writer;
 
 extern const writer writers[FILE_FORMATS];

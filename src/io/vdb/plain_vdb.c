@@ -18,37 +18,39 @@ enum {
     VERSION_MOST = 224,
     UUID = 36,
     STRING = 1 << 16, /* bytes of a name or a type */
-    WINDOW = 1 << 16, /* bytes that are read at once */
-    LEAF_MASK = 64,   /* bytes */
-    LEAVES = 256      /* in a chunk of work */
+    WINDOW = 1 << 16, /* bytes that are read at a time */
+    LEAF_MASK = 64,   /* bytes of a leaf's mask */
+    LEAVES = 256      /* leaves in a chunk of work */
 };
 
-/* How values are stored. */
+/* Flags: how values are compressed. */
 enum { ZIPPED = 1, MASKED = 2, BLOSC = 4 };
-/* What of a node's inactive values is stored: nothing where all are the background or its negative; up to two
- * others; a mask that selects one of two for each; or all values. */
+/* The values that a node stores: the background or its negative for all inactive voxels (nothing stored),
+ * one other value, a mask that selects one of two values for each inactive voxel, or all values. */
 enum { ALL_BACKGROUND, ALL_NEGATIVE, ALL_ONE, EITHER_BACKGROUND, EITHER_ONE, EITHER_TWO, ALL_VALUES };
 
-/* Nodes between the root and the leaves. */
+/* Levels of nodes between the root and the leaves. */
 enum { NODE_LEVELS = 2, NODE_MOST = 1 << 15, NODE_WORDS = NODE_MOST / 64 };
 static const struct {
     int log2_side;    /* children along an axis */
-    int32_t children; /* voxels along a child's */
+    int32_t children; /* voxels along an axis of a child */
 } node_level[NODE_LEVELS] = {{5, 128}, {4, 8}};
 
-/* Beyond this the inverse of the transform loses more than half of a double's digits. */
+/* Largest accepted condition number: beyond it the inverse of the transform loses more than half of the
+ * digits of a double. */
 static const double largest_condition = 1e8;
 
 typedef int blosc_decompress(const void *from, void *to, size_t bytes, int threads);
 
-/* What packed values may take: more than they take whole, but not much. */
+/* Maximum size of packed data: compression may enlarge them slightly. */
 #define PACKED(bytes) ((bytes) + (bytes) / 8 + 64)
 
 typedef struct cursor {
     int fd;
-    int64_t next, size; /* of the file */
+    int64_t next, size; /* next: offset in the file of the first byte that was not read; size: length of the
+                         * file */
     size_t at, held;
-    bool failed; /* the file ends early, or is not one of the usual kinds */
+    bool failed; /* the file is truncated, or not of the usual kind */
     unsigned char window[WINDOW];
 } cursor;
 
@@ -59,13 +61,13 @@ typedef struct descriptor {
     int64_t end;
 } descriptor;
 
-/* The node at hand in each level. */
+/* The current node of each level. */
 typedef struct nodes {
     float values[NODE_LEVELS][NODE_MOST];
     uint64_t children[NODE_LEVELS][NODE_WORDS], active[NODE_LEVELS][NODE_WORDS];
 } nodes;
 
-/* What is known while a tree is read. */
+/* State of the reading of a tree. */
 typedef struct reading {
     cursor *from;
     vdb_grid *grid;
@@ -73,7 +75,7 @@ typedef struct reading {
     bool half;
     blosc_decompress *blosc;
     size_t leaf_room, active_room, tile_room, memory_limit;
-    unsigned char *packed, *unpacked; /* a node's values as they are stored */
+    unsigned char *packed, *unpacked; /* buffers for the values of one node */
     nodes *nodes;
 } reading;
 
@@ -121,7 +123,7 @@ static void go_to(cursor *c, int64_t where)
     const int64_t here = where_at(c);
     require(c, where >= here && where <= c->size);
     if (c->failed) return;
-    if (where <= c->next) { /* what is held reaches there */
+    if (where <= c->next) { /* the window contains the position */
         c->at += (size_t)(where - here);
         return;
     }
@@ -148,7 +150,7 @@ static int64_t take_i64(cursor *c)
     return value;
 }
 
-/* A string of less than `room` bytes without zeros; fails on another. */
+/* Reads a string shorter than `room` without zero bytes. Any other string is a failure. */
 static void take_string(cursor *c, char *out, size_t room)
 {
     const uint32_t length = take_u32(c);
@@ -192,7 +194,8 @@ static metadata take_metadata(cursor *c)
         char name[256], type[64];
         take_string(c, name, sizeof name);
         take_string(c, type, sizeof type);
-        if (!c->failed && strcmp(name, "class") == 0) { /* a string's length is that of its value */
+        /* for a string, the length of the metadata is that of the string */
+        if (!c->failed && strcmp(name, "class") == 0) {
             char word[64];
             take_string(c, word, sizeof word);
             require(c, strcmp(type, "string") == 0);
@@ -202,7 +205,7 @@ static metadata take_metadata(cursor *c)
         } else if (!c->failed && strcmp(name, "is_local_space") == 0) {
             m.is_local = take_bool(c, type);
         } else if (!c->failed && vdb_is_unit(name) && strcmp(type, "string") == 0) {
-            take_string(c, m.unit, sizeof m.unit); /* a longer one is the library's */
+            take_string(c, m.unit, sizeof m.unit); /* a longer unit is left to the library */
         } else {
             skip(c, take_u32(c));
         }
@@ -210,14 +213,14 @@ static metadata take_metadata(cursor *c)
     return m;
 }
 
-/* Returns how many grids follow. */
+/* Reads the header of the file. Returns the number of grids. */
 static uint32_t take_head(cursor *c)
 {
     char offsets;
     require(c, take_i64(c) == MAGIC);
     const uint32_t version = take_u32(c);
     require(c, version >= VERSION_LEAST && version <= VERSION_MOST);
-    skip(c, 2 * sizeof(uint32_t)); /* of the library */
+    skip(c, 2 * sizeof(uint32_t)); /* version of the library */
     take(c, &offsets, 1);
     require(c, offsets == 1);
     skip(c, UUID);
@@ -225,7 +228,7 @@ static uint32_t take_head(cursor *c)
     return take_u32(c);
 }
 
-/* "Tree_float_5_4_3_HalfFloat": float, half. */
+/* Reads a type such as "Tree_float_5_4_3_HalfFloat": float, stored as half. */
 static void take_type(cursor *c, descriptor *d)
 {
     static const char *const known[] = {"float", "double", "int32", "int64",
@@ -252,11 +255,11 @@ static void take_descriptor(cursor *c, descriptor *d)
     char parent[VDB_NAME_SIZE];
     memset(d, 0, sizeof *d);
     take_string(c, d->name, sizeof d->name);
-    d->name[strcspn(d->name, "\x1e")] = '\0'; /* equal names as NAME 0x1e NUMBER */
+    d->name[strcspn(d->name, "\x1e")] = '\0'; /* equal names are stored as NAME 0x1e NUMBER */
     take_type(c, d);
     take_string(c, parent, sizeof parent);
     d->shared = *parent;
-    skip(c, 2 * sizeof(int64_t)); /* where the grid and its voxels begin */
+    skip(c, 2 * sizeof(int64_t)); /* offsets of the grid and of its voxels */
     d->end = take_i64(c);
 }
 
@@ -280,7 +283,7 @@ bool plain_vdb_list_grids(int fd, vdb_listing *out)
     for (uint32_t i = 0; i < count && !c->failed; i++) {
         descriptor d;
         take_descriptor(c, &d);
-        (void)take_u32(c); /* compression */
+        (void)take_u32(c); /* compression flags, repeated for each grid */
         const metadata m = take_metadata(c);
         go_to(c, d.end);
         vdb_entry *entries =
@@ -306,12 +309,14 @@ bool plain_vdb_list_grids(int fd, vdb_listing *out)
 
 /* ---- the transform */
 
-/* Fails on a transform that is not affine, or nearly singular: the library reads the file then. */
+/* Reads an affine transform. Fails on other ones and on nearly singular ones, which are left to the
+ * library. */
 static void take_transform(cursor *c, double out[16])
 {
     static const struct {
         const char *name;
-        int translation, scale, all; /* numbers before each, and of all; -1: there is none */
+        int translation, scale, all; /* offset of the translation and of the scale among the numbers; -1:
+                                      * none; `all`: count of numbers */
     } maps[] = {
         {"UniformScaleMap", -1, 0, 15},  {"ScaleMap", -1, 0, 15},      {"UniformScaleTranslateMap", 0, 3, 18},
         {"ScaleTranslateMap", 0, 3, 18}, {"TranslationMap", 0, -1, 3}, {"AffineMap", -1, -1, 16},
@@ -324,7 +329,7 @@ static void take_transform(cursor *c, double out[16])
     require(c, kind < sizeof maps / sizeof *maps);
     if (c->failed) return;
     take(c, number, (size_t)maps[kind].all * sizeof *number);
-    for (int k = 0; k < 16; k++) /* its matrix multiplies rows */
+    for (int k = 0; k < 16; k++) /* OpenVDB multiplies row vectors */
         out[k] = maps[kind].all == 16 ? number[4 * (k % 4) + k / 4] : k % 5 == 0;
     for (int axis = 0; axis < 3; axis++) {
         if (maps[kind].scale >= 0) out[5 * axis] = number[maps[kind].scale + axis];
@@ -351,7 +356,7 @@ static float float_of_half(uint16_t half)
         memcpy(&value, &bits, sizeof value);
     } else {
         memcpy(&value, &bits, sizeof value);
-        value *= 0x1p112f; /* the difference of the exponents; subnormal ones become normal */
+        value *= 0x1p112f; /* 2^112: the difference of the exponents; also normalises subnormal numbers */
     }
     return half & 0x8000 ? -value : value;
 }
@@ -359,7 +364,7 @@ static float float_of_half(uint16_t half)
 static bool unpack(const reading *r, size_t length, size_t bytes)
 {
     if (r->compression & BLOSC) {
-        uint32_t head[4]; /* version and type; bytes of the values, of a block, of all */
+        uint32_t head[4]; /* version and type; length of the values, of a block, of the packed data */
         if (!r->blosc || length < sizeof head) return false;
         memcpy(head, r->packed, sizeof head);
         return head[1] == bytes && head[3] == length &&
@@ -374,7 +379,8 @@ static size_t bytes_of(const reading *r, size_t count)
     return count * (r->half ? sizeof(uint16_t) : sizeof(float));
 }
 
-/* Reads the length before `count` stored values: their packed bytes; negative if they are not packed. */
+/* Reads the length before `count` stored values: the number of packed bytes, or minus the number of bytes
+ * that are not packed. */
 static int64_t take_length(reading *r, size_t count)
 {
     cursor *c = r->from;
@@ -387,7 +393,7 @@ static int64_t take_length(reading *r, size_t count)
     return c->failed ? 0 : length;
 }
 
-/* `count` values as the node has them, one after the other. */
+/* Reads the `count` values that a node stores. */
 static void take_stored(reading *r, size_t count, float *out)
 {
     cursor *c = r->from;
@@ -408,8 +414,9 @@ static void take_stored(reading *r, size_t count, float *out)
     }
 }
 
-/* Puts each active value, of those in front, into its place, from the last one on, and between them the
- * inactive ones: eight at a time, of which most are all active or none. */
+/* Moves the stored active values from the front of the array to their voxels, in place and from the last
+ * one, and sets the inactive voxels. Processes eight voxels at a time, since most groups are all active or
+ * all inactive. */
 static void spread(const uint64_t *active, const uint64_t *chosen, const float inactive[2], size_t stored,
                    size_t count, float *values)
 {
@@ -429,7 +436,8 @@ static void spread(const uint64_t *active, const uint64_t *chosen, const float i
     }
 }
 
-/* What of a node's values comes before the stored ones; returns how many these are, of `count`. */
+/* Reads the kind of a node's values, its inactive values and its mask. Returns the number of values that are
+ * stored, at most `count`. */
 static size_t take_kind(reading *r, const uint64_t *active, size_t count, float inactive[2], uint64_t *chosen)
 {
     cursor *c = r->from;
@@ -451,7 +459,7 @@ static size_t take_kind(reading *r, const uint64_t *active, size_t count, float 
     return stored;
 }
 
-/* All values of a node; `active` marks those that are always stored. */
+/* Reads all values of a node. Values with a bit in `active` are always stored. */
 static void take_values(reading *r, const uint64_t *active, size_t count, float *out)
 {
     uint64_t chosen[NODE_WORDS];
@@ -462,7 +470,7 @@ static void take_values(reading *r, const uint64_t *active, size_t count, float 
     if (stored < count) spread(active, chosen, inactive, stored, count, out);
 }
 
-/* Past a leaf's. */
+/* Skips the values of a leaf. */
 static void skip_values(reading *r, const uint64_t *active)
 {
     uint64_t chosen[LEAF_MASK / 8];
@@ -513,7 +521,8 @@ static void take_node(reading *r, int level, const int32_t origin[3])
     take(r->from, children, count / 8);
     take(r->from, active, count / 8);
     take_values(r, active, count, r->nodes->values[level]);
-    for (int pass = 0; pass < 2; pass++) /* its own values, and then its children, which come after them */
+    for (int pass = 0; pass < 2; pass++) /* first the tiles, then the children, which follow all tiles in the
+                                          * file */
         for (int32_t k = 0; k < (int32_t)count && !r->from->failed; k++) {
             const bool is_child = children[k / 64] >> (k % 64) & 1;
             const int32_t at[3] = {origin[0] + side * (k >> 2 * shift),
@@ -535,14 +544,15 @@ static bool comes_after(const int32_t a[3], const int32_t b[3])
     return false;
 }
 
-/* The library orders the parts of the root by place, and takes the last of equal ones: here they must be so.
- * Large tiles of the root itself are rare. */
+/* Reads the topology. The library sorts the children of the root by position and keeps the last of equal
+ * ones; here they must be sorted and different. Tiles of the root, which are rare, are left to the
+ * library. */
 static void take_topology(reading *r)
 {
     const int32_t side = node_level[0].children << node_level[0].log2_side;
     cursor *c = r->from;
     int32_t before[3] = {0};
-    require(c, take_u32(c) == 1); /* buffers */
+    require(c, take_u32(c) == 1); /* number of buffers */
     take(c, &r->grid->background, sizeof r->grid->background);
     const uint32_t tiles = take_u32(c), count = take_u32(c);
     require(c, tiles == 0);
@@ -556,17 +566,17 @@ static void take_topology(reading *r)
     }
 }
 
-/* A leaf's mask is repeated before its values. */
+/* Reads the mask of a leaf again, which is repeated before its values. */
 static void take_mask_again(reading *r, size_t leaf, uint64_t mask[LEAF_MASK / 8])
 {
     take(r->from, mask, LEAF_MASK);
     require(r->from, memcmp(mask, r->grid->leaf_active + LEAF_MASK / 8 * leaf, LEAF_MASK) == 0);
 }
 
-/* Leaves whose values are unpacked side by side. */
+/* Job: unpacks leaves in parallel, in chunks. */
 typedef struct unpacking {
     const reading *r;
-    const int64_t *where; /* the first leaf of each chunk begins */
+    const int64_t *where; /* per chunk: offset of its first leaf in the file */
     atomic_bool failed;
 } unpacking;
 
@@ -592,7 +602,7 @@ static void unpack_chunk(void *context, int worker, size_t begin, size_t end)
     free(c);
 }
 
-/* Where the chunks begin is found first. */
+/* Reads the values of all leaves. A first pass finds the offset of each chunk. */
 static void take_leaf_values(reading *r, threads *pool)
 {
     vdb_grid *g = r->grid;

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <strings.h>
 
-/* The shim allocates all of it with calloc, for C to free. */
+/* All arrays were allocated by the shim with calloc. */
 
 void vdb_listing_free(vdb_listing *listing)
 {

@@ -33,7 +33,8 @@ typedef enum vdb_class { VDB_UNKNOWN, VDB_LEVEL_SET, VDB_FOG, VDB_STAGGERED } vd
 
 typedef struct vdb_entry {
     char name[VDB_NAME_SIZE]; /* as written, without the suffix that distinguishes equal names */
-    char type[VDB_TYPE_SIZE]; /* of a value: "float", "double", "int32", "vec3s", "ptdataidx32", ... */
+    char type[VDB_TYPE_SIZE]; /* type of the values: "float", "double", "int32", "vec3s", "ptdataidx32",
+                               * ... */
     bool scalar;              /* float or double: vdb_load_grid accepts it */
     bool numeric;             /* numbers, booleans or vectors of three: vdb_visit_grid accepts it */
     vdb_class grid_class;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* vdb_points: writes points grids of OpenVDB files. The library makes the empty grid, and leaves are filled
- * one by one: classes that are made here, and conversions of whole grids, are compiled here, which takes
- * minutes. */
+/* vdb_points: writes points grids of OpenVDB files. The library creates the empty grid, and leaves are
+ * filled one by one. Constructing a grid or converting a whole grid here would instantiate these templates,
+ * which takes minutes to compile. */
 #include "io/vdb/archive.h"
 
 #include <algorithm>
@@ -110,7 +110,7 @@ std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
     return made;
 }
 
-/* Each value at most once in a leaf whose points have the same. */
+/* Sets the values of a leaf. A value that all points of the leaf share is stored once. */
 template <typename Writer, typename Value>
 void fill(leaf_node &leaf, const char *name, const place *first, size_t count, const Value &value_of)
 {
@@ -124,7 +124,8 @@ void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const 
 {
     leaf.initializeAttributes(attributes[0], vdb::Index(count));
     for (size_t n = 1; n < attributes.size(); n++) leaf.appendAttribute(*attributes[n - 1], attributes[n], n);
-    std::vector<leaf_node::ValueType> ends(leaf_node::SIZE, 0); /* of each voxel, the points up to its last */
+    /* per voxel: the index of its last point plus 1 */
+    std::vector<leaf_node::ValueType> ends(leaf_node::SIZE, 0);
     for (size_t n = 0; n < count; n++) ends[first[n].voxel] = vdb::Index32(n + 1);
     for (size_t v = 1; v < ends.size(); v++) ends[v] = std::max(ends[v], ends[v - 1]);
     leaf.setOffsets(ends);
@@ -187,7 +188,7 @@ uint64_t hash_of(const std::string &bytes, uint64_t state)
     return state;
 }
 
-/* Puts a hash of the rest in the place of the format's identifier. */
+/* Replaces the random identifier of the format by a hash of the contents. */
 void identify(std::string &bytes, const std::string &random)
 {
     const size_t at = bytes.find(random);

@@ -37,14 +37,15 @@ namespace {
 const char *const half_suffix = "_HalfFloat";
 const char name_separator = 0x1e; /* OpenVDB writes equal names as NAME 0x1e NUMBER */
 
-/* Versions differ in features that few files use. A version that exceeds the newest one by more than this
- * is damage. */
+/* Maximum difference of a format version from the newest supported one: versions differ in features that few
+ * files use. A larger difference means damage. */
 const uint32_t newer_versions = 16;
-/* A grid has a handful of strings (names, types); 64 kB is far beyond any that is meant. */
+/* Maximum length of a string. A grid has a few short strings (names, types). */
 const uint32_t longest_string = 1u << 16;
-/* A grid takes more than 40 bytes in a file; the count of grids is checked by that. */
+/* Minimum size of a grid in a file. The count of grids is checked against it. */
 const int64_t smallest_grid = 40;
-/* Beyond this the inverse of the transform loses more than half of a double's digits. */
+/* Largest accepted condition number: beyond it the inverse of the transform loses more than half of the
+ * digits of a double. */
 const double largest_condition = 1e8;
 
 std::string format(const char *text, unsigned long long a, unsigned long long b)
@@ -59,15 +60,15 @@ class fd_buffer : public std::streambuf {
 public:
     fd_buffer(int fd, int64_t size) : fd_(fd), size_(size), next_(0), block_(1 << 16) {}
 
-    /* What packed values of a node begin with: the length of what follows, or of values that are as they are
-     * with a minus before it. */
+    /* Checks the length before the values of a node: positive for packed bytes, minus the number of bytes
+     * for values that are not packed. */
     void check_packed(size_t bytes)
     {
         int64_t length, here = next_ - (egptr() - gptr());
         if (egptr() - gptr() >= ssize_t(sizeof length))
             std::memcpy(&length, gptr(), sizeof length);
         else if (pread(fd_, &length, sizeof length, off_t(here)) != ssize_t(sizeof length))
-            return; /* the library finds that out */
+            return; /* the library reports this error */
         if (length > 0 ? length > size_ - here : uint64_t(0) - uint64_t(length) != bytes)
             throw fault(ERROR_INPUT_DAMAGED,
                         "the file has values whose number differs from that of their node: it is damaged. "
@@ -135,11 +136,11 @@ private:
     std::vector<char> block_;
 };
 
-/* What precedes each grid. */
+/* The head of a grid. */
 struct descriptor {
     std::string unique_name, name, type, parent;
     bool half = false;
-    int64_t end = 0; /* where the next one begins; 0 in files without offsets */
+    int64_t end = 0; /* offset of the next grid; 0 in files without offsets */
 };
 
 class reader : public vdb::io::Archive {
@@ -202,7 +203,7 @@ public:
         return grid;
     }
 
-    /* The part of a grid that does not depend on its type; leaves the stream before the transform. */
+    /* Reads the part of a grid that does not depend on its type, up to its transform. */
     void read_metadata(vdb::GridBase &grid)
     {
         current_.reset(new vdb::io::StreamMetadata(*metadata_));
@@ -279,7 +280,7 @@ private:
         if (got < ssize_t(sizeof magic + sizeof version))
             throw fault(ERROR_INPUT_DAMAGED,
                         "the file is truncated after its first bytes: copy or save it again");
-        /* newer ones are read as far as they are alike, as the library does */
+        /* newer versions are read as far as they agree, as the library does */
         if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING)
             throw fault(
                 ERROR_INPUT_UNSUPPORTED,
@@ -294,8 +295,8 @@ private:
                        version, vdb::OPENVDB_FILE_VERSION));
     }
 
-    /* A block of metadata. The library would allocate by the lengths in the file, but read each value by the
-     * length of its type, after which its position differs from the file's. So it gets each value separately.
+    /* Reads a block of metadata, value by value. The library would allocate memory according to the lengths
+     * in the file, but read each value by the length of its type, and would then be at a wrong offset.
      * Entries for delayed loading are omitted. */
     void read_entries(vdb::MetaMap &to)
     {
@@ -329,8 +330,8 @@ private:
         }
     }
 
-    /* Walks over the kind of a transform, and over that of the map within a frustum, which the library would
-     * follow to any depth, and comes back. */
+    /* Checks the kind of the transform, and that of the map within a frustum: the library would follow
+     * nested frustums to any depth. Restores the position of the stream. */
     void check_transform()
     {
         const std::string frustum = vdb::math::NonlinearFrustumMap::mapType();
@@ -338,7 +339,8 @@ private:
         if (read_string() == frustum) {
             bool old = fileVersion() < vdb::OPENVDB_FILE_VERSION_FLOAT_FRUSTUM_BBOX;
             size_t box = 6 * (old ? sizeof(int32_t) : sizeof(double));
-            in_.seekg(std::streamoff(box + 2 * sizeof(double)), std::ios_base::cur); /* and taper and depth */
+            /* and skip taper and depth */
+            in_.seekg(std::streamoff(box + 2 * sizeof(double)), std::ios_base::cur);
             if (read_string() == frustum)
                 throw fault(ERROR_INPUT_DAMAGED,
                             "the file has a frustum within a frustum for a transform: it is damaged");
@@ -387,7 +389,7 @@ vdb_class class_of(const vdb::GridBase &grid)
     }
 }
 
-/* "Tree_float_5_4_3" to "float"; what has another shape is given whole. */
+/* "Tree_float_5_4_3" becomes "float"; a type of another form is returned unchanged. */
 std::string value_type(const std::string &type)
 {
     if (type.compare(0, 5, "Tree_") != 0) return type;
@@ -414,7 +416,7 @@ template <typename T> T *array(size_t count)
     return static_cast<T *>(p);
 }
 
-/* The grid at `index`, or the parent of that name, with the stream before its transform. */
+/* Returns the grid at `index`, or the parent with this name. The stream is then at its transform. */
 vdb::GridBase::Ptr find(reader &file, size_t index, const std::string *parent, descriptor *d)
 {
     for (int32_t i = 0; i < file.count(); i++) {
@@ -460,8 +462,8 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
         throw fault(ERROR_INPUT_UNSUPPORTED, "its transform cannot be inverted: it is singular or nearly so");
 }
 
-/* The library takes a file's word for where the parts of the root lie; its nodes below lie right by
- * themselves. */
+/* Checks the position of a child of the root, which the library does not check. The positions of nodes below
+ * are determined by their parents. */
 void check_corner(const vdb::Coord &corner, int32_t side)
 {
     for (int axis = 0; axis < 3; axis++)
@@ -470,7 +472,7 @@ void check_corner(const vdb::Coord &corner, int32_t side)
                         "a node of its tree has an impossible position: it is damaged. Save it again.");
 }
 
-/* Between topology and values. */
+/* Checks the tree after its topology is read, before its values. */
 template <typename Tree> void check_topology(const Tree &tree, size_t limit)
 {
     const int32_t side = Tree::RootNodeType::ChildNodeType::DIM;
@@ -531,7 +533,7 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
     if (!tiles.empty()) std::memcpy(out->tiles, tiles.data(), tiles.size() * sizeof tiles[0]);
 }
 
-/* Reads the file from the transform on. */
+/* Reads the file from the transform. */
 template <typename Grid>
 typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int fd,
                              size_t limit)
@@ -542,7 +544,7 @@ typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::Grid
         grid->readTopology(file.stream());
         check_topology(grid->tree(), limit);
         grid->readBuffers(file.stream());
-    } else { /* the tree is shared with another grid, which is elsewhere in the file */
+    } else { /* the grid shares the tree of another grid of the file */
         reader again(fd);
         descriptor owner;
         vdb::GridBase::Ptr parent = find(again, index, &d.parent, &owner);
@@ -610,7 +612,7 @@ template <typename Grid> int64_t read_whole(const vdb_voxels *v, const int32_t a
         vdb::Coord(at[0], at[1], at[2])));
 }
 
-/* A grid to be visited: its place in the file, and its visitor. */
+/* A visit: the index of the grid, and the visitor. */
 struct visit {
     reader &file;
     size_t index;
@@ -655,10 +657,10 @@ bool is_numeric(const std::string &type)
 
 } // namespace
 
-/* OpenVDB 10.0 reads values that are as they are in whatever length the file gives, over the end of their
- * node's, and looks afterwards; it also allocates what the length of packed ones says. So these two functions
- * replace the library's own: callers, also those in the library, are linked to these, which then call the
- * library's. */
+/* OpenVDB 10.0 reads values that are not packed with the length given in the file, beyond the end of the
+ * node's buffer, and checks afterwards. For packed values it allocates that length. These two functions
+ * therefore replace the library's: all callers, also those in the library, are linked to them. They check
+ * the length, then call the library's functions. */
 typedef void unpacker(std::istream &, char *, size_t);
 
 static unpacker *find_library(unpacker *ours)

@@ -41,7 +41,8 @@ vdb::Index level_of(int32_t side)
     }
 }
 
-/* The library makes the empty grid: a class that is made here is compiled here, which takes minutes. */
+/* The library creates the empty grid: constructing it here would instantiate its templates, which takes
+ * minutes to compile. */
 template <typename Grid> vdb::GridBase::Ptr build(const vdb_draft &draft)
 {
     typedef typename Grid::ValueType value;

@@ -11,10 +11,10 @@
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
 
-/* As for coefficients in a spec: squares of derivatives stay finite. */
+/* Same limit as for coefficients in a spec: squares of derivatives stay finite. */
 static const double COEFFICIENT_MAX = 1e30;
 
-/* `bytes` bytes from the beginning. */
+/* Reads `bytes` bytes from the start of the file. */
 static bool read_bytes(int fd, void *out, size_t bytes, error *e)
 {
     const int64_t done = transfer_read_at(fd, out, bytes, 0);
@@ -38,7 +38,8 @@ static double decode(const unsigned char *at, size_t width)
     return (double)value;
 }
 
-/* In place: 32-bit numbers fill the front of the array and are widened from the last to the first. */
+/* Converts in place: 32-bit numbers occupy the front of the array and are widened from the last to the
+ * first. */
 static bool decode_all(double *numbers, size_t count, size_t width, const int dims[3], error *e)
 {
     const unsigned char *bytes = (const unsigned char *)numbers;

@@ -11,7 +11,7 @@
 
 namespace {
 
-/* The file's bytes; its descriptor stays where it was. */
+/* Reads the file with pread; the offset of its descriptor does not change. */
 class stream : public Imf::IStream {
 public:
     explicit stream(int descriptor) : IStream("slice"), fd(descriptor) {}

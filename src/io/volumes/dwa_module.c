@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* dwa_image.h for a program that loads the library only where an image needs it. */
+/* dwa_image.h for a program that loads the library when an image first needs it. */
 #include "base/core/module.h"
 #include "io/volumes/dwa_image.h"
 

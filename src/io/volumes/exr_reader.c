@@ -19,20 +19,21 @@
 #include "base/core/transfer.h"
 #include "io/volumes/dwa_image.h"
 
-/* Standard descriptors, a slice's, and one more for what the libraries open for a moment. */
+/* Maximum number of open descriptors: three standard ones, one for a slice, and one for temporary use by the
+ * libraries. */
 enum { DESCRIPTORS = 5 };
 
 typedef struct image {
     int fd;
-    size_t memory;              /* that pixels may take */
+    size_t memory;              /* memory limit for the pixels */
     const char *channel, *part; /* NULL: the only one */
     exr_context_t file;
     int part_index;
-    const char *found; /* the channel's name, of the file */
-    bool whole;        /* its numbers are whole */
+    const char *found; /* full name of the chosen channel, as in the file */
+    bool whole;        /* the channel has whole numbers */
     exr_storage_t storage;
     exr_attr_box2i_t window;
-    uint32_t *values; /* of the data window: the bits of floats, or whole numbers */
+    uint32_t *values; /* pixels of the data window: floats as bits, or whole numbers */
     error fault;
 } image;
 
@@ -66,7 +67,7 @@ static bool damaged(image *m, const char *what)
     return false;
 }
 
-/* ---- which part and channel */
+/* ---- choice of part and channel */
 
 static void append(char *list, size_t size, const char *word)
 {
@@ -85,7 +86,7 @@ static bool is_wanted(const image *m, const char *channel, int channels)
     return m->channel ? strcmp(channel, m->channel) == 0 : channels == 1;
 }
 
-/* The channel of a part, or NULL; *of_part lists them all. */
+/* Returns the requested channel of a part, or NULL. *of_part: the names of all channels of the part. */
 static const exr_attr_chlist_entry_t *find_channel(const image *m, int part, char *of_part, size_t size)
 {
     const exr_attr_chlist_t *list;
@@ -119,7 +120,8 @@ static bool no_part(image *m, int wanted, int found, const char *parts, const ch
 
 static bool choose(image *m)
 {
-    char parts[256] = "", with[256] = "", channels[256] = ""; /* `with`: names of those that were found */
+    /* `with`: names of the parts that have the channel */
+    char parts[256] = "", with[256] = "", channels[256] = "";
     int count = 0, wanted = 0, found = 0;
     exr_get_count(m->file, &count);
     for (int part = 0; part < count; part++) {
@@ -144,7 +146,7 @@ static bool choose(image *m)
     return found == 1 || no_part(m, wanted, found, parts, with, channels);
 }
 
-/* Refuses an image of another format. */
+/* Refuses the file if it has another known format. */
 static bool refuse_other(image *m)
 {
     const char *other = file_formats[file_format_of_file(m->fd, "")].as_image;
@@ -166,7 +168,7 @@ static bool open_file(image *m)
     return true;
 }
 
-/* ---- all of them */
+/* ---- list of parts and channels */
 
 static void list_channel(const image *m, int part, const exr_attr_chlist_entry_t *channel, FILE *out)
 {
@@ -183,7 +185,7 @@ static void list_channel(const image *m, int part, const exr_attr_chlist_entry_t
             type < sizeof types / sizeof *types ? types[type] : "unknown");
 }
 
-/* To be freed. */
+/* Lists the channels as text. The caller frees it. */
 static char *list_channels(const image *m)
 {
     char *text = NULL;
@@ -229,7 +231,7 @@ static int64_t height_of(const image *m)
     return (int64_t)m->window.max.y - m->window.min.y + 1;
 }
 
-/* What a row of a channel takes in a decoded chunk; a channel may have fewer samples than the image. */
+/* Bytes of a row of a channel in a decoded chunk. A channel may have fewer samples than the image. */
 static size_t row_bytes(const exr_coding_channel_info_t *c, int64_t row)
 {
     if (c->y_samples > 1 && row % c->y_samples != 0) return 0;
@@ -247,15 +249,16 @@ static uint32_t number_at(const uint8_t *p, uint16_t type)
     return bits | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-/* Where a chunk's numbers go. */
+/* Where the values of a chunk are stored. */
 typedef struct target {
     const image *m;
-    uint32_t *to; /* of its first pixel */
+    uint32_t *to; /* address of the chunk's first pixel */
 } target;
 
-/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts even if one
- * is requested. If a channel has fewer samples, it reads the other channels at wrong offsets, also beyond the
- * chunk's end. The decoded rows lie one after the other, and in each its channels. */
+/* Replaces the library's unpacking. For some layouts, version 3.1.5 writes all channels even if one is
+ * requested. If a channel has fewer samples, it reads the other channels at wrong offsets, also beyond the
+ * end of the chunk. In a decoded chunk, rows are consecutive, and each row has its channels one after the
+ * other. */
 static exr_result_t take_channel(exr_decode_pipeline_t *d)
 {
     const target *t = d->decoding_user_data;
@@ -276,13 +279,13 @@ static exr_result_t take_channel(exr_decode_pipeline_t *d)
     return EXR_ERR_SUCCESS;
 }
 
-/* One chunk, whose first pixel is (x, y) of the data window. */
+/* Decodes one chunk, whose first pixel is (x, y) in the data window. */
 static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y)
 {
     exr_decode_pipeline_t d = EXR_DECODE_PIPELINE_INITIALIZER;
     target to = {m, m->values + y * width_of(m) + x};
     bool ok = x + chunk->width <= width_of(m) && y + chunk->height <= height_of(m) &&
-              /* which the library does not look at */
+              /* the library does not check this */
               (chunk->compression != EXR_COMPRESSION_NONE || chunk->packed_size == chunk->unpacked_size) &&
               exr_decoding_initialize(m->file, m->part_index, chunk, &d) == EXR_ERR_SUCCESS;
     ok = ok && exr_decoding_choose_default_routines(m->file, m->part_index, &d) == EXR_ERR_SUCCESS;
@@ -396,7 +399,7 @@ int exr_reader_main(int argc, char **argv)
         image m = asked;
         char what = 0;
         if (!reader_receive(&what, 1, &m.fd) || m.fd < 0)
-            _exit(0); /* nothing is left to do but to free what the library built */
+            _exit(0); /* _exit: freeing the library's memory takes time */
         if (!answer(&m, what)) _exit(1);
     }
 }

@@ -12,10 +12,11 @@
 #include "io/volumes/exr_reader.h"
 #include "io/volumes/slice_faults.h"
 
-/* Processor time of the process that decodes: 100 times what a picture of a million pixels takes. */
+/* CPU limit of the decoding process: seconds_at_least plus 2 s for each slice, 100 times the measured time
+ * of a picture of a million pixels. */
 static const unsigned seconds_at_least = 60, seconds_per_slice = 2;
 
-/* Ratios of a pixel's sides that agree to this part are equal: the header holds a float. */
+/* Relative tolerance for equal pixel aspect ratios: the header has a float. */
 static const double aspect_agrees = 1e-4;
 
 /* One slice's data window. */
@@ -26,13 +27,13 @@ typedef struct window {
 typedef struct exr_stack {
     slices base; /* first: the slices' functions get this pointer */
     exr_stack_params params;
-    char *names; /* as the reader wants them */
+    char *names; /* channel and part, in the format of the reader process */
     window *windows;
-    int64_t low[2];   /* of what the windows span */
-    size_t at;        /* the next slice */
-    uint32_t *pixels; /* of a slice's own window, as the reader sends them */
-    size_t stretched; /* slices whose pixels are not as wide as high, otherwise than voxel_size says */
-    float aspect;     /* of the first of them */
+    int64_t low[2];   /* lowest corner of the union of the windows */
+    size_t at;        /* index of the next slice */
+    uint32_t *pixels; /* pixels of the window of a slice, as received */
+    size_t stretched; /* number of slices whose pixel aspect ratio differs from that of voxel_size */
+    float aspect;     /* aspect ratio of the first such slice */
     reader reader;
 } exr_stack;
 
@@ -49,7 +50,7 @@ static bool start(exr_stack *s, error *e)
     return s->reader.stream || reader_start(&params, &s->reader, e);
 }
 
-/* The pixels of a window that has not changed. */
+/* Receives the pixels of a slice. Its window must not have changed since the stack was opened. */
 static bool read_pixels(exr_stack *s, const window *w, const exr_reader_answer *a, uint32_t *pixels, error *e)
 {
     const size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
@@ -59,7 +60,7 @@ static bool read_pixels(exr_stack *s, const window *w, const exr_reader_answer *
     return reader_get(&s->reader, pixels, sizeof *pixels, count, e);
 }
 
-/* One slice's answer. *list receives its channels, for EXR_READER_LIST. */
+/* Requests slice k from the process. *list receives its channels, for EXR_READER_LIST. */
 static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_t *pixels, char **list,
                 error *e)
 {
@@ -78,7 +79,7 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, uint32_
     return ok || error_prefix(e, "%s", s->params.paths[k]);
 }
 
-/* What a slice has beside its pixels. */
+/* Stores the window of a slice, and checks its aspect ratio. */
 static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
 {
     const double aspect = (double)a->aspect, meant = s->params.voxel_size.x / s->params.voxel_size.y;
@@ -91,7 +92,7 @@ static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
     if (s->stretched++ == 0) s->aspect = a->aspect;
 }
 
-/* Reads all slices from `first` on; `pixels` NULL: only their windows. */
+/* Requests all slices from `first`. `pixels` NULL: only their windows. */
 static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
 {
     slice_faults missing = {0}, broken = {0};
@@ -105,7 +106,7 @@ static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
             slice_faults_add(&missing, number, before, &fault);
         } else if (fault.code == ERROR_INPUT_DAMAGED) {
             slice_faults_add(&broken, number, before, &fault);
-        } else { /* what is wrong with one is wrong with all, or nothing can be read at all */
+        } else { /* other errors concern all slices */
             if (e) *e = fault;
             return error_prefix(e, "slice %d", number);
         }
@@ -150,7 +151,8 @@ static bool exr_next(slices *base, double *values, error *e)
     if (!s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e))) return false;
     if (!ask(s, s->at, EXR_READER_PIXELS, &a, s->pixels, NULL, &fault)) {
         uint32_t *rest = mem_array(count, sizeof *rest, "a slice", e);
-        bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
+        /* the message names this slice and all later damaged ones */
+        bool told = rest && !ask_all(s, s->at, rest, e);
         free(rest);
         if (!told && e) *e = fault;
         return false;

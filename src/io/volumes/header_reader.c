@@ -21,18 +21,18 @@
 #include "base/core/transfer.h"
 #include "io/volumes/meta_image.h"
 
-/* Headers are a page of text; more than this is none. */
+/* Maximum size of a header; headers have a few kB. */
 #define HEAD_MAX (1u << 20)
-/* Characters of a field of NRRD: Teem copies names of units and kinds into buffers of some more. */
+/* Maximum length of an NRRD field: Teem copies units and kinds into buffers slightly larger than this. */
 #define FIELD_MAX 1000
-/* Data files that one header may name. */
+/* Maximum number of data files of a header. */
 static const long most_files = 65536;
 
-/* What the process answers; one, as it reads one file. */
+/* The answer of the process to its only request. */
 typedef struct answer {
     header head;
     error_code code;
-    char *text; /* with room for VOLUME_HEADER_TEXT_MAX: the message, or the names of data files */
+    char *text; /* the message, or the names of data files; capacity VOLUME_HEADER_TEXT_MAX */
     size_t text_length;
 } answer;
 
@@ -64,7 +64,7 @@ static bool add_name(answer *a, const char *name, size_t length)
     return true;
 }
 
-/* One integer conversion of C's printf and nothing else of it: %d, %4d, %04d. */
+/* Whether s is one integer conversion of printf and nothing else: %d, %4d or %04d. */
 static bool is_pattern(const char *s)
 {
     int conversions = 0;
@@ -83,7 +83,7 @@ static bool is_int32(long value)
     return value >= INT32_MIN && value <= INT32_MAX;
 }
 
-/* "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
+/* Adds names of data files: "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
 static bool add_names(answer *a, char *value)
 {
     char pattern[256], name[512];
@@ -105,7 +105,7 @@ static bool add_names(answer *a, char *value)
 
 /* ---- NRRD */
 
-/* The value of a field if that is the line's, by either of its names. */
+/* The value of the line if its field has one of the two names; otherwise NULL. */
 static char *field_of(char *line, const char *name, const char *other)
 {
     size_t length = strcspn(line, ":");
@@ -117,15 +117,16 @@ static char *field_of(char *line, const char *name, const char *other)
     return line + strspn(line, " \t");
 }
 
-/* A comment, or a key with a value: neither says where samples are, and both may have any length. */
+/* Whether the line is a comment or a key/value pair: these may have any length, and do not affect the
+ * data. */
 static bool is_remark(const char *line)
 {
     return *line == '#' || strncmp(line + strcspn(line, ":"), ":=", 2) == 0;
 }
 
-/* Takes out of the header's text where the data are: Teem opens the files and skips bytes even when it is to
- * read the header only. Omits fields that are parsed without Teem, and refuses lines that exceed its
- * buffers. */
+/* Removes the fields that locate the data: Teem opens the data files and skips bytes even if only the
+ * header is requested. Also removes fields that are parsed without Teem, and refuses lines that exceed
+ * its buffers. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
@@ -188,7 +189,8 @@ static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
     return true;
 }
 
-/* Whether the fastest axis is of the values at a sample: its kind says so, or it alone has no direction. */
+/* Whether the fastest axis holds the components of a sample: its kind is a list or vector, or, if the kind
+ * is unknown, it is the only axis without a direction. */
 static bool begins_with_values(const Nrrd *n)
 {
     const NrrdAxisInfo *first = &n->axis[0];
@@ -198,7 +200,7 @@ static bool begins_with_values(const Nrrd *n)
     return n->dim == 4 && first->kind >= nrrdKindList;
 }
 
-/* The file may have the directions of a vector's components. */
+/* Sets the number of components per sample, and the rotation of vectors if the file has one. */
 static void values_of_nrrd(answer *a, const Nrrd *n)
 {
     const NrrdAxisInfo *first = &n->axis[0];
@@ -212,11 +214,12 @@ static void values_of_nrrd(answer *a, const Nrrd *n)
         }
 }
 
-/* Spacings and ends of axes that agree to this part of a sample do not contradict each other: they are
- * written with some digits. */
+/* Tolerance, as a fraction of a sample, for the agreement of spacings with the ends of axes: both are
+ * written with few digits. */
 static const double most_apart = 0.01;
 
-/* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
+/* Finds the three axes with more than one sample, fastest first: axes of one sample do not change the
+ * order. */
 static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
 {
     unsigned found = 0, first = begins_with_values(n);
@@ -245,7 +248,8 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     return true;
 }
 
-/* Where there are no space directions: spacings, and the axes' least positions, edges of cells or samples. */
+/* Sets the transform without space directions: from the spacings and the minima of the axes. A minimum is
+ * the edge of a cell or the position of a sample. */
 static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3], const double origin[3])
 {
     double *m = a->head.index_to_world;
@@ -261,7 +265,8 @@ static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3], const doub
         if (isfinite(min)) m[4 * k + 3] = min + (cells ? spacing / 2 : 0);
         if (isfinite(origin[k])) m[4 * k + 3] = origin[k];
         open |= isfinite(min) && axis[k]->center == nrrdCenterUnknown;
-        differ |= fabs(max - min - spacing * steps) > most_apart * fabs(spacing); /* of NAN false */
+        /* false for NaN */
+        differ |= fabs(max - min - spacing * steps) > most_apart * fabs(spacing);
     }
     if (open)
         dense_warn(
@@ -299,7 +304,7 @@ static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     return true;
 }
 
-/* What is ignored, and could change what values or positions mean. */
+/* Warns of ignored fields that could change the meaning of values or positions. */
 static void warn_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
 {
     const char *unit = "";
@@ -328,7 +333,7 @@ static bool describe_nrrd(answer *a, const Nrrd *n, const NrrdIoState *io)
     return true;
 }
 
-/* The library's complaint, innermost line, without its own name. */
+/* Refuses the file with the innermost line of the library's message, without the name of the library. */
 static bool complain(answer *a, char *messages)
 {
     char *last = messages ? messages : (char *)"";
@@ -378,7 +383,7 @@ static bool type_of_nifti(answer *a, int type)
                   nifti_datatype_string(type));
 }
 
-/* How far sform and qform place a corner of the volume apart, at most. */
+/* The maximum distance between the positions of a corner of the volume by sform and by qform. */
 static double forms_apart(const nifti_image *n)
 {
     const double last[3] = {(double)n->nx - 1, (double)n->ny - 1, (double)n->nz - 1};
@@ -396,8 +401,8 @@ static double forms_apart(const nifti_image *n)
     return most;
 }
 
-/* sform and qform that place all corners as near as this, in the smallest side of a voxel, agree: they
- * hold floats. */
+/* sform and qform agree if this distance is at most this fraction of the smallest side of a voxel: they are
+ * stored as floats. */
 static const double forms_agree = 0.01;
 
 static void warn_of_places(answer *a, const nifti_image *n)
@@ -423,7 +428,7 @@ static void warn_of_places(answer *a, const nifti_image *n)
                                                                                : "");
 }
 
-/* sform before qform before the bare sizes of voxels, as the standard says. */
+/* Sets the transform: sform, else qform, else the sizes of voxels, as the standard requires. */
 static void place_of_nifti(answer *a, const nifti_image *n)
 {
     const nifti_dmat44 *m = n->sform_code > 0 ? &n->sto_xyz : &n->qto_xyz;
@@ -440,7 +445,7 @@ static void place_of_nifti(answer *a, const nifti_image *n)
         a->head.index_to_world[5 * k] = isfinite(size[k]) && size[k] != 0 ? fabs(size[k]) : 1;
 }
 
-/* The name of the data beside a header called NAME.hdr. */
+/* Sets the name of the data file for a header called NAME.hdr. */
 static bool name_of_image(answer *a, const char *name)
 {
     char image[300];
@@ -468,11 +473,11 @@ static void scale_of_nifti(answer *a, const nifti_image *n)
     }
 }
 
-/* The beginning of a file, its header and the field vox_offset, before the library changes it. */
+/* The start of a file: its header, and the field vox_offset before the library changes it. */
 typedef struct nifti_head {
     const char *bytes;
-    size_t length;       /* of the file that is there, unpacked */
-    size_t header_bytes; /* without the four of the extender */
+    size_t length;       /* number of unpacked bytes in `bytes` */
+    size_t header_bytes; /* length of the header, without the four bytes of the extender */
     double vox_offset;
     bool swapped, packed;
 } nifti_head;
@@ -500,8 +505,8 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
     return h;
 }
 
-/* Extensions follow one another, each with its length in bytes, a multiple of 16; the last one ends where
- * the data begin. */
+/* Finds the end of the extensions. Each has its length, a multiple of 16, in its first bytes; the last one
+ * ends where the data begin. */
 static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_bytes, int64_t *offset)
 {
     struct stat st;
@@ -528,8 +533,8 @@ static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_b
     return true;
 }
 
-/* Finds the data of a single file. Its vox_offset counts from the beginning; 0: the data begin after the
- * header and its extensions. */
+/* Sets the offset of the data in a single file: vox_offset from the start of the file, or, if it is 0, the
+ * end of the header and its extensions. */
 static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_bytes)
 {
     if (!(h->vox_offset == 0 || (h->vox_offset >= (double)h->header_bytes && h->vox_offset < 1e15)))
@@ -564,7 +569,8 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, co
     return name_of_image(a, name);
 }
 
-/* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
+/* Checks the number of axes: the library (3.0.1) does not check it in NIfTI-2 headers, and writes beyond its
+ * array. */
 static bool has_axes(const nifti_2_header *h)
 {
     int64_t count = h->dim[0];
@@ -612,17 +618,19 @@ static size_t read_head(char *to, size_t size)
     return count > 0 ? (size_t)count : 0;
 }
 
-/* What the file may be instead. */
+/* The message for a file that is not NRRD, NIfTI or MetaImage, by the format that its first bytes
+ * indicate. */
 static const char *guess(const char *head, size_t length)
 {
     const char *found = file_formats[file_format_of_bytes(head, length)].as_volume;
     return found ? found : file_formats[FILE_FORMAT_RAW].as_volume;
 }
 
-/* `head` is the file's first `length` bytes, with zeros behind them. */
+/* `head` has the first `length` bytes of the file, followed by zeros. */
 static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
-    char front[sizeof(nifti_2_header) + 4 + 1] = {0}; /* the extender, and a zero behind it */
+    /* with the extender and a terminating zero */
+    char front[sizeof(nifti_2_header) + 4 + 1] = {0};
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
     if (meta_image_is(head)) return read_meta_image(a, head);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
@@ -661,5 +669,5 @@ __attribute__((visibility("default"))) int header_reader_main(int argc, char **a
     read_file(&a, argv[1]);
     const bool written = a.code == ERROR_NONE ? reader_answer(&a.head, sizeof a.head, a.text, a.text_length)
                                               : reader_refuse(a.code, a.text);
-    _exit(written ? 0 : 1); /* nothing is left to do but to free what the libraries built */
+    _exit(written ? 0 : 1); /* _exit: freeing the libraries' memory takes time */
 }

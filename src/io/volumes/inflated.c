@@ -10,11 +10,12 @@
 
 #include "base/core/memory.h"
 
-enum { INPUT = 1 << 18, EITHER = MAX_WBITS + 32 }; /* zlib's own header, or gzip's */
+/* EITHER: zlib detects its own header or that of gzip */
+enum { INPUT = 1 << 18, EITHER = MAX_WBITS + 32 };
 
 struct inflated {
     int fd;
-    int64_t start, at; /* of the next byte that is not in `input` */
+    int64_t start, at; /* `at`: offset of the first byte that is not in `input` */
     bool ended, broken;
     z_stream z;
     unsigned char input[INPUT];
@@ -46,7 +47,7 @@ void inflated_rewind(inflated *i)
     i->broken = inflateReset(&i->z) != Z_OK;
 }
 
-/* False where the file has no more, or cannot be read. */
+/* Reads more input. False: end of the file, or an error. */
 static bool refill(inflated *i)
 {
     ssize_t got;
@@ -59,7 +60,7 @@ static bool refill(inflated *i)
     return true;
 }
 
-/* Behind the end of a gzip file another may begin, whose bytes follow. */
+/* Continues with the next gzip member, if another one follows. */
 static void go_on(inflated *i)
 {
     bool more = (i->z.avail_in > 0 || refill(i)) && i->z.next_in[0] == 0x1f;

@@ -11,16 +11,16 @@
 
 enum { WORD_SIZE = 64 };
 
-/* The fields that matter. NAN: the number is not given. */
+/* The fields that are used. NAN: a number is missing. */
 typedef struct fields {
     double dimensions, channels, header_size, packed_bytes, slope, intercept;
     double size[3], spacing[3], element_size[3], origin[3], turn[9], center[3];
     bool big_endian, packed, binary;
     char type[WORD_SIZE], unit[WORD_SIZE], orientation[WORD_SIZE];
-    char bad[WORD_SIZE]; /* a field that has fewer numbers than it needs, or "" */
+    char bad[WORD_SIZE]; /* name of a field that has too few numbers, or "" */
 } fields;
 
-/* Each by any of its names. */
+/* Names of the fields; some fields have several. */
 static const struct {
     const char *key;
     size_t offset;
@@ -154,8 +154,8 @@ static bool find_type(const fields *f, header *out, char fault[META_IMAGE_FAULT_
     return false;
 }
 
-/* The letter of each axis names the side from which it leads away; the axes of the world lead to the left, to
- * the back and up. */
+/* Whether the orientation letters match the axes. A letter names the side where the axis starts; the world
+ * axes point to the left (L), to posterior (P) and to superior (S). */
 static bool is_oriented(const header *out, const char *letters)
 {
     static const char from[3][2] = {{'R', 'L'}, {'A', 'P'}, {'I', 'S'}};
@@ -187,7 +187,7 @@ static void warn(const fields *f, header *out)
                    f->orientation);
 }
 
-/* HeaderSize counts from the beginning of the file that holds the data, and before they are unpacked. */
+/* Sets the location of the data. HeaderSize counts from the start of the data file, before decompression. */
 static void place_data(const fields *f, int64_t after_header, bool local, header *out)
 {
     out->encoding = !f->binary ? VOLUME_HEADER_ASCII : f->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;
@@ -217,7 +217,8 @@ static char *trim(char *text)
     return text + strspn(text, " \t");
 }
 
-/* `at`: the line behind the one of the data's file, which is the last. */
+/* Sets *out from the fields. `at`: offset of the data after the field ElementDataFile, which is the last
+ * one. */
 static bool describe(const fields *f, const char *value, int64_t at, header *out,
                      char name[META_IMAGE_NAME_SIZE], char fault[META_IMAGE_FAULT_SIZE], error_code *code)
 {
@@ -240,7 +241,7 @@ static bool describe(const fields *f, const char *value, int64_t at, header *out
     return true;
 }
 
-/* Keys of users and of DICOM (0020|000d) are any text; values may be empty. */
+/* Keys of users and of DICOM (0020|000d) may be any text; values may be empty. */
 bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
                       char fault[META_IMAGE_FAULT_SIZE], error_code *code)
 {

@@ -16,7 +16,7 @@
 #include "io/volumes/inflated.h"
 #include "io/volumes/numbers.h"
 
-/* zlib packs a byte into 1/1032 of one at best. */
+/* Maximum ratio of unpacked to packed bytes of zlib. */
 static const int64_t most_packed = 1032;
 
 enum { BUFFER = 1 << 16 };
@@ -26,14 +26,14 @@ typedef struct raw_volume {
     header head;
     const char *path;
     const slices_files *files;
-    int fd;             /* of the header's file, the caller's */
-    char *text;         /* names of the data files */
-    char **names;       /* each of them */
-    uint32_t at;        /* of the file that is open */
-    int64_t left;       /* values that it still has */
-    int data;           /* its descriptor, or -1 */
-    inflated *unpacked; /* or NULL */
-    int64_t offset;     /* of the next byte that is not unpacked */
+    int fd;             /* descriptor of the header's file, owned by the caller */
+    char *text;         /* names of the data files, as one text */
+    char **names;       /* address of each name in `text` */
+    uint32_t at;        /* index of the open data file */
+    int64_t left;       /* number of values left in the open file */
+    int data;           /* descriptor of the open data file, or -1 */
+    inflated *unpacked; /* decompressor; NULL: the data are not packed */
+    int64_t offset;     /* offset of the next byte of data that are not packed */
     size_t filled, used;
     char buffer[BUFFER + 16];
 } raw_volume;
@@ -65,7 +65,8 @@ static void close_data(raw_volume *s)
 
 /* ---- bytes */
 
-/* As many bytes as there are, up to `count`; -1: cannot be read. */
+/* Reads up to `count` bytes. Returns the number of bytes read, less than `count` only at the end; -1:
+ * error. */
 static int64_t fill(raw_volume *s, void *to, int64_t count)
 {
     int64_t done = 0;
@@ -125,7 +126,7 @@ static void start_unpacking(raw_volume *s)
     s->offset = 0;
 }
 
-/* Length of what is packed, by unpacking it once; -1: it cannot be. */
+/* The length of packed data, which are unpacked once to find it; -1: error. */
 static int64_t unpacked_length(raw_volume *s)
 {
     int64_t length = 0, got;
@@ -153,13 +154,14 @@ static bool skip_bytes(raw_volume *s, int64_t needed, error *e)
                    "the file has less data than its header states: it is damaged. Copy or save it again.");
 }
 
-/* Whether the file can hold `values`, before any of them is read. */
+/* Checks that the file can have `values` values, before any of them is read. */
 static bool check_length(const raw_volume *s, int64_t values, error *e)
 {
     struct stat st;
     if (fstat(s->data, &st) != 0) return damaged(s, e, "the file cannot be read");
     int64_t have = st.st_size - s->offset, needed = values * size_of(&s->head);
-    if (s->head.encoding == VOLUME_HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
+    /* at least a digit and a blank for each value */
+    if (s->head.encoding == VOLUME_HEADER_ASCII) needed = 2 * values - 1;
     if (s->head.encoding == VOLUME_HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
     if (s->head.encoding == VOLUME_HEADER_GZIP) needed /= most_packed;
     if (have >= needed) return true;
@@ -213,7 +215,7 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
                 "or truncated. Copy or save it again.");
         for (int64_t k = 0; k < some; k++) {
             const unsigned char *p = (unsigned char *)s->buffer + k * size;
-            if (size == sizeof(int64_t) && !is_scaled(s)) /* a scaled number need not be whole */
+            if (size == sizeof(int64_t) && !is_scaled(s)) /* scaled values need not be whole */
                 numbers_note_inexact(p, (number_type)s->head.type, s->head.swapped, s->base.inexact);
             *values++ = slope * number_value(p, (number_type)s->head.type, s->head.swapped) + intercept;
         }
@@ -222,7 +224,7 @@ static bool read_numbers(raw_volume *s, double *values, int64_t count, error *e)
     return true;
 }
 
-/* The next word of a text, which ends with the file or a blank. */
+/* Reads the next word of a text file. */
 static bool next_word(raw_volume *s, char word[64])
 {
     size_t length = 0;
@@ -295,7 +297,7 @@ static void raw_volume_close(slices *base)
 
 static const slices_ops raw_volume_ops = {raw_volume_begin, raw_volume_next, raw_volume_close};
 
-/* Names in a header are relative to its own place. */
+/* Converts the names of data files to paths: they are relative to the directory of the header. */
 static bool place_files(raw_volume *s, error *e)
 {
     const char *slash = strrchr(s->path, '/');
@@ -319,7 +321,7 @@ static bool place_files(raw_volume *s, error *e)
     return true;
 }
 
-/* Selects one of several volumes by its number; -1: none was named. */
+/* Chooses one of several volumes by its index; -1: none was requested. */
 static bool choose_volume(raw_volume *s, int64_t index, error *e)
 {
     header *h = &s->head;
@@ -330,8 +332,8 @@ static bool choose_volume(raw_volume *s, int64_t index, error *e)
     return true;
 }
 
-/* Adds a warning if the header's length of the data differs from the file's. Only reading shows whether all
- * values are present. */
+/* Adds a warning if the length of the data in the header differs from that of the file. Whether all values
+ * are present is found only by reading. */
 static void note_length(raw_volume *s)
 {
     struct stat st;

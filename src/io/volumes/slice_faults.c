@@ -8,7 +8,7 @@ static void close_run(slice_faults *f)
 {
     size_t n = strlen(f->numbers);
     if (f->count == 0 || n + 40 > sizeof f->numbers)
-        return; /* the first thirty runs or so; the count says the rest */
+        return; /* about thirty runs fit; the message has the total count */
     if (f->begin == f->last)
         snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d", n ? ", " : "", f->begin);
     else

@@ -9,7 +9,7 @@
 
 #include "base/xml/xml.h"
 
-/* More pages than any file has; products of three such numbers fit into 64 bits. */
+/* Maximum number of pages: products of three such numbers fit into 64 bits. */
 static const double most_pages = 1 << 20;
 
 /* ---- units */
@@ -29,7 +29,7 @@ static double metres_of(const char *unit)
     return 0;
 }
 
-/* How many of unit b are in unit a, both in metres. Units that are powers of ten are in whole ratios. */
+/* The ratio of two units given in metres. For powers of ten it is exact. */
 static double ratio_of(double a, double b)
 {
     const double ratio = a / b, whole = rint(fmax(ratio, b / a));
@@ -37,8 +37,8 @@ static double ratio_of(double a, double b)
     return ratio >= 1 ? whole : 1 / whole;
 }
 
-/* The micrometre has many names, with a micro sign in UTF-8, in Latin-1 and as an escape. A pixel is not a
- * unit of length. */
+/* Copies the name of a unit. The many spellings of the micrometre (micro sign in UTF-8, in Latin-1, as an
+ * escape) become one. "pixel" is not a unit of length. */
 static void copy_unit(const char *from, char to[TIFF_UNIT_SIZE])
 {
     static const char *const micrometres[] = {"\xc2\xb5m",  "\xce\xbcm",  "\xb5m",      "\\u00B5m",
@@ -106,7 +106,7 @@ static void describe_imagej(const char *text, tiff_description *out, dense_warni
     out->slice_step = out->channels;
     out->frame_step = out->channels * out->slices;
     out->size[2] = fabs(spacing);
-    if (out->size[2] == 0 && *out->unit) out->size[2] = 1; /* ImageJ leaves out a distance of 1 */
+    if (out->size[2] == 0 && *out->unit) out->size[2] = 1; /* ImageJ omits a distance of 1 */
 }
 
 /* ---- OME-XML */
@@ -115,7 +115,7 @@ typedef struct ome {
     tiff_description *out;
     dense_warnings *warnings;
     char *fault;
-    int images, pixels; /* elements read */
+    int images, pixels; /* number of elements of each kind read so far */
     bool elsewhere;     /* the pixels are described by another file */
     char order[8];
 } ome;
@@ -142,7 +142,7 @@ static bool read_count(ome *o, const char **attributes, const char *name, int64_
     return true;
 }
 
-/* Steps in the order that XYZCT and its permutations name. */
+/* Sets the steps between slices, channels and frames from the dimension order, such as XYZCT. */
 static bool read_order(ome *o)
 {
     int64_t step = 1;
@@ -162,7 +162,7 @@ static bool read_order(ome *o)
     return false;
 }
 
-/* Sizes are in micrometres unless they say otherwise; all in the unit of the first that is there. */
+/* Reads the voxel sizes: micrometres unless stated otherwise, converted to the unit of the first size. */
 static void read_sizes(ome *o, const char **attributes)
 {
     static const char *const names[] = {"PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"};
@@ -201,7 +201,7 @@ static void read_pixels(ome *o, const char **attributes)
     o->out->kind = "OME-XML";
 }
 
-/* A plane that says where it is has to be where the order says. */
+/* Checks that the position of a plane, if stated, agrees with the dimension order. */
 static void check_plane(ome *o, const char **attributes)
 {
     const char *const text[4] = {xml_attribute(attributes, "IFD"), xml_attribute(attributes, "FirstZ"),

@@ -18,11 +18,12 @@ typedef struct tiff_description {
     const char *kind; /* "ImageJ" or "OME-XML"; NULL: the text is neither */
     /* ImageJ: number of pages, also of a file with a single directory; 0: unknown */
     int64_t images;
-    int64_t slices, channels, frames;             /* at least 1, if `kind` */
-    int64_t slice_step, channel_step, frame_step; /* number of pages from one to the next */
-    double size[3];                               /* of a voxel; 0: unknown */
-    double origin[3];                             /* pixel at the origin of the world, ImageJ */
-    char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */
+    int64_t slices, channels, frames; /* at least 1, if `kind` */
+    /* distance, in pages, between consecutive slices, channels, frames */
+    int64_t slice_step, channel_step, frame_step;
+    double size[3];            /* of a voxel; 0: unknown */
+    double origin[3];          /* pixel at the origin of the world, ImageJ */
+    char unit[TIFF_UNIT_SIZE]; /* unit of `size`; "": unknown */
 } tiff_description;
 
 /* False, with a message in `fault`: the text is OME-XML that is not valid or not supported. */

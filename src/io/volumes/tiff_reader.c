@@ -20,33 +20,34 @@
 #include "io/volumes/volume_header.h"
 #include "io/volumes/numbers.h"
 
-/* Standard descriptors, the file, and one more for what the libraries open for a moment. */
+/* Maximum number of open descriptors: three standard ones, one for the file, and one for temporary use by
+ * the libraries. */
 enum { DESCRIPTORS = 5 };
 
-/* Pages of a file. The library has a limit of its own near this one. */
+/* Maximum number of pages of a file, close to the limit of the library. */
 static const size_t most_pages = 1 << 20;
 
-/* What all pages of a file have in common. */
+/* Properties that all pages of a file must share. */
 typedef struct layout {
     uint32_t width, height;
     uint16_t bits, format, compression;
 } layout;
 
 typedef struct tiff_file {
-    int fd; /* -1: none is open */
+    int fd; /* the file; -1: none is open */
     int64_t bytes;
-    size_t memory; /* that a page may take */
+    size_t memory; /* memory limit for the pixels of a page */
     TIFF *tiff;
-    uint64_t *offset; /* of the directory of each page */
+    uint64_t *offset; /* per page: offset of its directory */
     size_t count, room;
     layout layout;
-    number_type type; /* of the numbers that are answered */
+    number_type type; /* type of the numbers in answers */
     tiff_description description;
     double size[3];
     char unit[TIFF_UNIT_SIZE];
-    bool is_contiguous;  /* one directory, and the numbers of all pages behind each other */
-    uint64_t first_byte; /* of these */
-    size_t reduced;      /* pages that are left out */
+    bool is_contiguous;  /* the file has one directory, and the numbers of all pages are consecutive */
+    uint64_t first_byte; /* offset of these numbers */
+    size_t reduced;      /* number of skipped pages of reduced resolution */
     dense_warnings warnings;
     error fault;
     char complaint[256]; /* the first message of the library */
@@ -69,7 +70,7 @@ static int drop_warning(TIFF *tiff, void *context, const char *module, const cha
     return 1;
 }
 
-/* The library reads where it has sought. */
+/* State of the library's I/O callbacks: the read position. */
 typedef struct place {
     tiff_file *file;
     int64_t at;
@@ -123,7 +124,7 @@ static bool refuse(tiff_file *f, error_code code, const char *format, ...)
     return false;
 }
 
-/* Appends the message of the library. */
+/* Sets the fault to `what` with the message of the library. */
 static bool damaged(tiff_file *f, const char *what)
 {
     return refuse(f, ERROR_INPUT_DAMAGED, "%s%s%s. Copy or save it again.", what, *f->complaint ? ": " : "",
@@ -153,7 +154,7 @@ static bool open_library(tiff_file *f)
     return damaged(f, "the file is not a TIFF file, or its first directory is damaged");
 }
 
-/* ---- what a page is */
+/* ---- pages */
 
 static number_type type_of(const layout *l, bool *known)
 {
@@ -184,7 +185,7 @@ static const char *format_name(uint16_t format)
                                            : "other numbers";
 }
 
-/* The directory at hand. Refuses what has no single number at a pixel. */
+/* Reads the layout of the current directory. Refuses pages with more than one sample per pixel. */
 static bool read_layout(tiff_file *f, size_t page, layout *out)
 {
     uint16_t samples = 1, photometric = PHOTOMETRIC_MINISBLACK, orientation = ORIENTATION_TOPLEFT;
@@ -235,7 +236,7 @@ static bool is_same(const layout *a, const layout *b)
     return a->width == b->width && a->height == b->height && a->bits == b->bits && a->format == b->format;
 }
 
-/* A page of less resolution, or a transparency mask. */
+/* Whether the current directory is a reduced image or a transparency mask. */
 static bool is_reduced(const tiff_file *f)
 {
     uint32_t kind = 0;
@@ -243,7 +244,7 @@ static bool is_reduced(const tiff_file *f)
     return (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
 }
 
-/* The directory at hand as the next page. */
+/* Adds the current directory as the next page. */
 static bool add_page(tiff_file *f)
 {
     layout own;
@@ -269,8 +270,8 @@ static bool add_page(tiff_file *f)
     return true;
 }
 
-/* Whether the file has all of a directory: the library takes one without its last field, the place of the
- * next, as the last one. */
+/* Whether the file has a complete directory. The library accepts a directory whose last field, the offset of
+ * the next one, is missing, as the last directory. */
 static bool is_whole(const tiff_file *f, uint64_t directory)
 {
     unsigned char head[8];
@@ -310,7 +311,7 @@ static int64_t page_bytes(const layout *l)
     return ((int64_t)l->width * l->bits + 7) / 8 * l->height;
 }
 
-/* ImageJ writes large stacks as one page, behind which lie the numbers of the others. */
+/* Detects large stacks of ImageJ: one directory, with the numbers of all pages after each other. */
 static void find_contiguous(tiff_file *f)
 {
     const tiff_description *d = &f->description;
@@ -326,7 +327,7 @@ static void find_contiguous(tiff_file *f)
     f->is_contiguous = true;
 }
 
-/* Counts the pages, and checks that the file can have them. */
+/* Counts the pages, and checks that the file is large enough for them. */
 static bool check_size(tiff_file *f)
 {
     const int64_t pages = f->is_contiguous ? f->description.images : (int64_t)f->count,
@@ -347,7 +348,8 @@ static bool check_size(tiff_file *f)
     return true;
 }
 
-/* Resolution is in pixels in a unit. 1 x 1 without a unit is what is written where nothing is known. */
+/* Sets the pixel size from the resolution tags, in pixels per unit. 1 x 1 without a unit means that the
+ * resolution is unknown. */
 static void read_size(tiff_file *f)
 {
     const tiff_description *d = &f->description;
@@ -415,7 +417,7 @@ static bool open_file(tiff_file *f)
 
 /* ---- pixels */
 
-/* `count` numbers of a row, from its beginning. */
+/* Unpacks `count` numbers from the start of a row. */
 static void unpack(const tiff_file *f, const unsigned char *from, size_t count, unsigned char *to)
 {
     const unsigned bits = f->layout.bits;
@@ -435,7 +437,7 @@ static void unpack(const tiff_file *f, const unsigned char *from, size_t count, 
     }
 }
 
-/* Room for a strip or a tile. */
+/* Allocates a buffer for a strip or a tile. */
 static unsigned char *make_room(tiff_file *f, tmsize_t size)
 {
     unsigned char *room = size > 0 && (size_t)size <= f->memory ? malloc((size_t)size) : NULL;
@@ -516,7 +518,7 @@ static bool read_contiguous(tiff_file *f, uint32_t page, unsigned char *to)
     return ok;
 }
 
-/* The numbers of a page, to be freed; NULL: the fault. */
+/* Reads the numbers of a page; the caller frees them. NULL: the fault is set. */
 static unsigned char *read_page(tiff_file *f, uint32_t page)
 {
     layout own;
@@ -599,5 +601,5 @@ __attribute__((visibility("default"))) int tiff_reader_main(int argc, char **arg
         }
         if (!answer(&f, &request)) _exit(1);
     }
-    _exit(0); /* nothing is left to do but to free what the library built */
+    _exit(0); /* _exit: freeing the library's memory takes time */
 }

@@ -25,8 +25,9 @@ typedef struct tiff_request {
 } tiff_request;
 
 typedef struct tiff_answer {
-    int64_t width, height, pages;                 /* of the file, for both requests */
-    int64_t slices, channels, frames;             /* of a file of several pages */
+    /* properties of the file, in the answers to both requests */
+    int64_t width, height, pages;
+    int64_t slices, channels, frames;             /* of a file with several pages */
     int64_t slice_step, channel_step, frame_step; /* in pages */
     uint32_t type;                                /* a number_type */
     double size[3];                               /* of a voxel; 0: unknown */

@@ -14,8 +14,8 @@
 #include "io/volumes/slice_faults.h"
 #include "io/volumes/tiff_reader.h"
 
-/* CPU limit of the process: 60 s, three passes over the file at 1 MiB/s, a tenth of the measured speed,
- * and 2 s for each slice. */
+/* CPU limit of the process: 60 s, plus 2 s for each slice, plus the time of three passes over the file at 1
+ * MiB/s, a tenth of the measured speed. */
 static const unsigned seconds_at_least = 60, passes = 3, seconds_per_slice = 2;
 static const off_t bytes_per_second = 1 << 20;
 
@@ -26,13 +26,13 @@ typedef struct tiff_stack {
     slices base; /* first: the slices' functions get this pointer */
     const char *program;
     size_t memory_limit;
-    exr_stack_params params; /* of a stack; count 0: of one file */
-    int fd;                  /* the one file, the caller's */
-    tiff_answer head;        /* of the first file */
-    int64_t first_page;      /* of the volume */
-    int64_t at;              /* the next slice */
-    int64_t opened;          /* the file that the process has, or -1 */
-    unsigned char *numbers;  /* of a page */
+    exr_stack_params params; /* the stack; count 0: one file is read */
+    int fd;                  /* the one file; owned by the caller */
+    tiff_answer head;        /* answer for the first file */
+    int64_t first_page;      /* index of the volume's first page */
+    int64_t at;              /* index of the next slice */
+    int64_t opened;          /* index of the file that is open in the process, or -1 */
+    unsigned char *numbers;  /* buffer for the numbers of a page */
     reader reader;
 } tiff_stack;
 
@@ -66,7 +66,8 @@ static bool check_answer(const tiff_answer *a, error *e)
               is_between(a->slice_step, 1, a->pages) && is_between(a->channel_step, 1, a->pages) &&
               is_between(a->frame_step, 1, a->pages) && a->type < NUMBER_TYPES &&
               memchr(a->unit, 0, sizeof a->unit) &&
-              a->warnings.count <= DENSE_WARNINGS_MOST / 2; /* later ones have room */
+              /* leaves room for warnings of this module */
+              a->warnings.count <= DENSE_WARNINGS_MOST / 2;
     ok = ok && (a->slices - 1) * a->slice_step + (a->channels - 1) * a->channel_step +
                        (a->frames - 1) * a->frame_step <
                    a->pages;
@@ -81,7 +82,7 @@ static bool check_answer(const tiff_answer *a, error *e)
                      (long long)largest_side);
 }
 
-/* Lets the process open a file: number k of a stack, or the one. */
+/* Opens a file in the process: file k of the stack, or the only one. */
 static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
 {
     off_t size;
@@ -108,7 +109,7 @@ static bool is_alike(const tiff_answer *a, const tiff_answer *b)
     return a->width == b->width && a->height == b->height && a->type == b->type;
 }
 
-/* The numbers of a page of the file that is open. */
+/* Reads the numbers of a page of the open file. */
 static bool read_page(tiff_stack *s, int64_t page, error *e)
 {
     const tiff_request request = {TIFF_READER_PAGE, (uint32_t)page};
@@ -181,7 +182,7 @@ static tiff_stack *make(const char *program, size_t memory_limit)
     return s;
 }
 
-/* Sizes that neither the spec nor the file gives. */
+/* Chooses voxel sizes that neither the spec nor the file gives. */
 static void choose_size(tiff_stack *s, const double given[3], double size[3])
 {
     dense_warnings *w = &s->base.warnings;
@@ -201,7 +202,7 @@ static void choose_size(tiff_stack *s, const double given[3], double size[3])
     dense_warn_of_unit(w, s->head.unit);
 }
 
-/* `origin`: added to that of the file. */
+/* Sets the transform. `origin` is added to the origin in the file. */
 static bool place(tiff_stack *s, int64_t slice_count, const double given[3], vec3 origin, error *e)
 {
     double size[3], *m = s->base.index_to_world;
@@ -247,7 +248,7 @@ slices *tiff_file_open(int fd, const char *program, int64_t index, size_t memory
     return NULL;
 }
 
-/* One file of the stack, looked at. */
+/* Checks file k of the stack. */
 static bool check_slice(tiff_stack *s, size_t k, error *e)
 {
     tiff_answer a;

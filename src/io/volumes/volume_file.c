@@ -7,7 +7,7 @@
 #include "io/volumes/tiff_stack.h"
 #include "io/volumes/zarr_volume.h"
 
-/* Opens a volume; with `vectors` keeps several values at a sample. */
+/* Opens a volume. `vectors`: several values per sample are kept. */
 typedef slices *opener(const volume_file *f, bool vectors, error *e);
 
 typedef struct volume_reader {
@@ -63,7 +63,7 @@ bool volume_file_reads(file_format format)
     return readers[format].open || readers[format].open_stack;
 }
 
-/* The reader of headers also says what a file of no format of the table is. */
+/* Opens a file of unknown format: the header reader names the formats that it recognises in its message. */
 static slices *open_any(const volume_file *f, bool vectors, error *e)
 {
     if (f->directory) return open_zarr(f, vectors, e);

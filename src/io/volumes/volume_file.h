@@ -16,16 +16,16 @@ typedef struct volume_file {
     const char *program; /* program that reads; NULL: this one */
     int64_t index;       /* index of the volume; -1: the only one */
     const slices_files *files;
-    size_t memory_limit;               /* of the process that reads */
+    size_t memory_limit;               /* memory limit of the reading process */
     const slices_directory *directory; /* an OME-Zarr image, instead of `fd`; or NULL */
     bool has_level;
     int64_t level;          /* index of its resolution */
-    const bbox *region;     /* in the world: only its samples in and near this box are read; or NULL */
+    const bbox *region;     /* world units: only samples in and near this box are read; or NULL */
     int64_t most_chunks;    /* maximum number of its chunks that are read */
     const vec3 *voxel_size; /* replaces the size in the file; or NULL */
 } volume_file;
 
-/* Whether a reader of volumes, or of stacks of images, is here. */
+/* Whether this module reads volumes, or stacks of images, of the format. */
 bool volume_file_reads(file_format format);
 
 /* Opens NRRD, NIfTI, MetaImage (raw_volume.h), TIFF (tiff_stack.h) or OME-Zarr (zarr_volume.h) with one value

@@ -20,13 +20,13 @@ static const off_t largest_file = 4 << 20;
  * others. */
 static const double largest_side = 1 << 20, largest_other = 1 << 30;
 
-/* What is read, for messages. */
+/* The state of the reading; `file` is for messages. */
 typedef struct reading {
     const slices_directory *directory;
-    const char *file; /* the file that is read */
+    const char *file; /* the current file */
     zarr_metadata *out;
     error *e;
-    bool has_no_array; /* neither file of an array was there */
+    bool has_no_array; /* the directory has no metadata of an array */
 } reading;
 
 static bool damaged(const reading *r, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -59,7 +59,8 @@ static bool unsupported(const reading *r, const char *format, ...)
 
 /* ---- files */
 
-/* The document in a file; NULL with *is_missing or an error. json_free. */
+/* Reads a JSON document, which the caller frees with json_free. NULL: *is_missing is true, or an error is
+ * set. */
 static json *read_json(const slices_directory *d, const char *path, bool *is_missing, error *e)
 {
     struct stat st = {0};
@@ -110,7 +111,7 @@ static bool check_chunks(const reading *r, const int64_t *chunk, const char *nam
     return true;
 }
 
-/* Types by their names in version 3, and by kind and size in version 2. */
+/* Number types: names in version 3, kind and size in version 2. */
 static const struct {
     const char *name, *code;
     number_type type;
@@ -187,7 +188,7 @@ static void store_in_order(zarr_metadata *m, bool is_reversed)
     for (int k = 0; k < m->axes; k++) m->stored[k] = is_reversed ? m->axes - 1 - k : k;
 }
 
-/* .zarray of version 2. */
+/* Parses .zarray of version 2. */
 static bool read_array_2(reading *r, const json *document)
 {
     zarr_metadata *m = r->out;
@@ -247,7 +248,7 @@ static bool read_transpose(reading *r, json_at configuration)
     return true;
 }
 
-/* bytes, and perhaps crc32c behind: as indices of shards are. */
+/* Parses the codecs of a shard's index: bytes, optionally followed by crc32c. */
 static bool read_index_codecs(reading *r, json_at codecs)
 {
     for (json_at codec = json_first(&codecs); codec.node; codec = json_next(&codec)) {
@@ -285,7 +286,7 @@ static bool read_sharding(reading *r, json_at configuration)
            read_codecs_3(r, json_member(&configuration, "codecs"), true);
 }
 
-/* The order of codecs: array to array, array to bytes, bytes to bytes. */
+/* Parses codecs in their order: array to array, array to bytes, bytes to bytes. */
 static bool read_codecs_3(reading *r, json_at codecs, bool is_inner)
 {
     zarr_metadata *m = r->out;
@@ -314,7 +315,7 @@ static bool read_codecs_3(reading *r, json_at codecs, bool is_inner)
     return has_bytes || damaged(r, "the codecs have no \"bytes\"");
 }
 
-/* zarr.json of an array of version 3. */
+/* Parses zarr.json of an array of version 3. */
 static bool read_array_3(reading *r, const json *document)
 {
     zarr_metadata *m = r->out;
@@ -349,7 +350,7 @@ static bool read_array_3(reading *r, const json *document)
            read_fill(r, json_member(&root, "fill_value"));
 }
 
-/* The array in a folder, of either version. */
+/* Reads the metadata of the array in a folder, in either version. */
 static bool read_array(reading *r, const char *folder)
 {
     bool is_missing;
@@ -410,11 +411,11 @@ static bool read_axes(reading *r, json_at multiscale)
         return error_set(r->e, ERROR_NO_SURFACE,
                          "%s: the image has %d axes of the type space: give one with three", r->file, found);
     if (known != 7)
-        for (int k = 0; k < 3; k++) m->row[k] = 2 - k; /* z y x */
+        for (int k = 0; k < 3; k++) m->row[k] = 2 - k; /* axes z, y, x */
     return true;
 }
 
-/* Scales and translations, one after the other. */
+/* Applies scales and translations in their order. */
 static bool apply_transformations(reading *r, json_at list)
 {
     zarr_metadata *m = r->out;
@@ -468,7 +469,7 @@ static bool read_multiscale(reading *r, json_at multiscale, int64_t level)
            apply_transformations(r, json_member(&multiscale, "coordinateTransformations"));
 }
 
-/* The attributes of the group, or of `ome` in them. */
+/* Parses the attributes of the group, or their member `ome`. */
 static bool read_group(reading *r, json_at attributes, int64_t level, bool *is_ome)
 {
     const json_at list = json_member(&attributes, "multiscales");
@@ -490,7 +491,7 @@ static bool read_group(reading *r, json_at attributes, int64_t level, bool *is_o
     return true;
 }
 
-/* An array of its own: the last three axes are z y x. */
+/* Reads a plain array: its last three axes are z, y, x. */
 static bool read_bare(reading *r, int64_t level)
 {
     zarr_metadata *m = r->out;

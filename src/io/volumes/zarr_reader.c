@@ -15,16 +15,18 @@
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
 
-/* Standard descriptors, a chunk's file, and one more for what the libraries open for a moment. */
+/* Maximum number of open descriptors: three standard ones, one for a chunk's file, and one for temporary use
+ * by the libraries. */
 enum { DESCRIPTORS = 5 };
 
-/* What a step may make more than the numbers in the end: packed again, they are little longer. */
+/* Maximum number of bytes by which the result of a codec may exceed the unpacked length: data that are
+ * packed twice are slightly longer. */
 static const size_t more_at_most = 1 << 20;
 
-/* Bytes, and what is wrong with them. */
+/* The bytes of a chunk, and the fault. */
 typedef struct chunk {
     unsigned char *bytes;
-    size_t count, memory; /* that may be taken */
+    size_t count, memory; /* memory: maximum number of bytes */
     error fault;
 } chunk;
 
@@ -39,7 +41,7 @@ static bool damaged(chunk *c, const char *what)
                      what);
 }
 
-/* Puts unpacked bytes in the place of packed ones. */
+/* Replaces packed bytes by unpacked ones. */
 static void replace(chunk *c, unsigned char *bytes, size_t count)
 {
     free(c->bytes);
@@ -47,9 +49,9 @@ static void replace(chunk *c, unsigned char *bytes, size_t count)
     c->count = count;
 }
 
-/* ---- codecs: each makes at most `most` bytes in `to`; false: they are not packed so, or are more */
+/* ---- codecs. Each writes at most `most` bytes to `to`. False: the bytes are not valid, or there are more */
 
-/* A zlib stream or gzip files after one another. */
+/* Unpacks a zlib stream or consecutive gzip members. */
 static bool unpack_zlib(const chunk *c, unsigned char *to, size_t most, size_t *count)
 {
     enum { EITHER = MAX_WBITS + 32 };
@@ -102,7 +104,7 @@ static bool unpack_blosc(const chunk *c, unsigned char *to, size_t most, size_t 
     return got >= 0 && (size_t)got == bytes;
 }
 
-/* The checksum of Castagnoli's polynomial, bit by bit reversed. */
+/* CRC-32C (Castagnoli's polynomial, reflected). */
 static uint32_t crc32c(const unsigned char *bytes, size_t count)
 {
     uint32_t table[256], crc = 0xffffffffu;
@@ -159,7 +161,7 @@ static bool read_packed(chunk *c, int file, const zarr_request *r)
     return true;
 }
 
-/* From the codec that was applied last to the first. */
+/* Undoes the codecs, from the last one applied to the first. */
 static bool read_chunk(chunk *c, int file, const zarr_request *r)
 {
     char text[160];
@@ -169,7 +171,7 @@ static bool read_chunk(chunk *c, int file, const zarr_request *r)
     for (uint32_t k = r->packing.count; k > 0; k--) {
         const uint32_t codec = r->packing.codec[k - 1];
         if (codec >= ZARR_CODECS) return damaged(c, "the chunk has an unknown codec");
-        bool is_last = true; /* but for checksums */
+        bool is_last = true; /* only checksums remain */
         for (uint32_t n = 0; n + 1 < k; n++) is_last = is_last && r->packing.codec[n] == ZARR_CRC32C;
         if (!unpack(c, (zarr_codec)codec,
                     r->unpacked + (is_last ? 4 * ZARR_CODECS_MOST : r->unpacked / 8 + more_at_most)))
@@ -204,5 +206,5 @@ __attribute__((visibility("default"))) int zarr_reader_main(int argc, char **arg
         close(file);
         if (!ok) _exit(1);
     }
-    _exit(0); /* nothing is left to do but to free what the libraries built */
+    _exit(0); /* _exit: freeing the libraries' memory takes time */
 }

@@ -14,11 +14,11 @@
 #include "io/volumes/numbers.h"
 #include "io/volumes/zarr_reader.h"
 
-/* Processor time of the process: a hundredth of a second for each chunk, ten times what one of a million
- * numbers takes, twice. */
+/* CPU limit of the process: seconds_at_least plus seconds_per_chunk for each chunk, twenty times the
+ * measured time of a chunk with a million numbers. */
 static const double seconds_at_least = 60, seconds_per_chunk = 0.02, seconds_most = 1e6;
 
-/* Samples that are read around a region: as far as the spline of dense_grid.h looks, and a block. */
+/* Margin of samples around a region: the support of the spline in dense_grid.h, and a block. */
 static const double around = 24;
 
 enum { EMPTY = -1 };
@@ -27,18 +27,19 @@ typedef struct zarr_volume {
     slices base; /* first: the slices' functions get this pointer */
     zarr_request_volume params;
     zarr_metadata m;
-    int64_t at[ZARR_AXES_MOST];       /* of the volume along the axes that are not spatial */
-    int64_t low[3];                   /* the first sample that is read, of the spatial axes, slowest first */
-    int64_t count[3];                 /* how many */
-    int64_t next;                     /* slice */
-    int64_t layer;                    /* of chunks that is held, or EMPTY */
-    unsigned char *numbers;           /* of the layer: its slices, of count[1] rows of count[2] numbers */
-    unsigned char *chunk;             /* unpacked */
-    unsigned char *index;             /* of the shard that was read last */
-    int64_t index_of[ZARR_AXES_MOST]; /* the numbers of this shard */
+    int64_t at[ZARR_AXES_MOST];       /* index along each axis that is not spatial */
+    int64_t low[3];                   /* first sample that is read along each spatial axis, slowest first */
+    int64_t count[3];                 /* number of samples that are read along these axes */
+    int64_t next;                     /* index of the next slice */
+    int64_t layer;                    /* index of the layer of chunks in memory, or EMPTY */
+    unsigned char *numbers;           /* samples of the layer: slices of count[1] rows with count[2]
+                                       * numbers */
+    unsigned char *chunk;             /* buffer for an unpacked chunk */
+    unsigned char *index;             /* index of the shard that was read last */
+    int64_t index_of[ZARR_AXES_MOST]; /* position of this shard */
     bool has_index;
     size_t chunk_bytes, index_bytes;
-    int64_t step[ZARR_AXES_MOST]; /* in a chunk, from one number to the next along each axis */
+    int64_t step[ZARR_AXES_MOST]; /* distance between consecutive numbers of a chunk along each axis */
     reader reader;
 } zarr_volume;
 
@@ -78,7 +79,7 @@ static bool ask(zarr_volume *v, int file, const zarr_request *request, unsigned 
 
 /* ---- chunks */
 
-/* The name of the file of a chunk or shard at these numbers. */
+/* Makes the file name of the chunk or shard at the indices `at`. */
 static void name_file(const zarr_volume *v, const int64_t at[ZARR_AXES_MOST], char *out, size_t size)
 {
     int used = snprintf(out, size, "%s%s", v->m.path, v->m.has_c_prefix ? "c" : "");
@@ -88,7 +89,7 @@ static void name_file(const zarr_volume *v, const int64_t at[ZARR_AXES_MOST], ch
     }
 }
 
-/* Reads the index of a shard of `size` bytes, unless it was the last one that was read. */
+/* Reads the index of a shard of `size` bytes, unless it is in memory. */
 static bool read_index(zarr_volume *v, int file, uint64_t size, const int64_t shard_at[ZARR_AXES_MOST],
                        error *e)
 {
@@ -107,7 +108,7 @@ static bool read_index(zarr_volume *v, int file, uint64_t size, const int64_t sh
     return v->has_index;
 }
 
-/* Where a chunk is in the file of its shard, of `size` bytes; *length 0: there is none. */
+/* Finds a chunk in the file of its shard, of `size` bytes. *length 0: the chunk is missing. */
 static bool find_in_shard(zarr_volume *v, uint64_t size, const int64_t chunk_at[ZARR_AXES_MOST],
                           uint64_t *offset, uint64_t *length, error *e)
 {
@@ -128,7 +129,7 @@ static bool find_in_shard(zarr_volume *v, uint64_t size, const int64_t chunk_at[
                "the shard ends before one of its chunks: it is damaged or truncated. Copy or save it again.");
 }
 
-/* Unpacks a chunk into v->chunk; *is_there false: it has the fill value. */
+/* Unpacks a chunk into v->chunk. *is_there false: the chunk is missing and has the fill value. */
 static bool read_chunk(zarr_volume *v, const int64_t chunk_at[ZARR_AXES_MOST], bool *is_there, error *e)
 {
     char name[ZARR_PATH_SIZE + 256];
@@ -164,7 +165,7 @@ static int64_t smaller(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
-/* Writes a number as the file has them. */
+/* Stores the fill value in the type of the file. */
 static void store_fill(const zarr_volume *v, unsigned char bytes[8])
 {
     const double fill = v->m.fill;
@@ -210,14 +211,14 @@ static void store_fill(const zarr_volume *v, unsigned char bytes[8])
     for (int k = 0; k < size; k++) bytes[k] = n.bytes[v->m.is_swapped ? size - 1 - k : k];
 }
 
-/* The part of a chunk that is read goes to its place in the layer. chunk_at: of the spatial axes, slowest
- * first. */
+/* Copies the requested part of a chunk to its position in the layer. chunk_at: along the spatial axes,
+ * slowest first. */
 static void place_chunk(zarr_volume *v, const int64_t chunk_at[3], bool is_there)
 {
     const size_t size = value_bytes(v);
     int64_t begin[3], end[3], first[3];
     unsigned char fill[8];
-    int64_t offset = 0; /* of the volume, along the axes that are not spatial */
+    int64_t offset = 0; /* offset along the axes that are not spatial */
     store_fill(v, fill);
     for (int k = 0; k < v->m.axes; k++) offset += v->at[k] % v->m.chunk[k] * v->step[k];
     for (int k = 0; k < 3; k++) {
@@ -273,7 +274,7 @@ static bool zarr_begin(slices *base, error *e)
     return true;
 }
 
-/* Slices of a layer of chunks that are read. */
+/* Number of requested slices in a layer of chunks. */
 static int64_t layer_slices(const zarr_volume *v)
 {
     return smaller(v->m.chunk[v->m.space[0]], v->count[0]);
@@ -313,9 +314,10 @@ static void zarr_close(slices *base)
 
 static const slices_ops zarr_ops = {zarr_begin, zarr_next, zarr_close};
 
-/* ---- what is read of the array */
+/* ---- choice of the samples */
 
-/* The index among the axes that are not spatial, whose last is the fastest. */
+/* Sets the position along the axes that are not spatial from the index, in which the last axis is the
+ * fastest. */
 static bool choose_volume(zarr_volume *v, int64_t index, error *e)
 {
     v->base.volumes = 1;
@@ -339,8 +341,8 @@ static bool choose_volume(zarr_volume *v, int64_t index, error *e)
     return true;
 }
 
-/* Samples of the spatial axes in and around the region; a region beside the data has some of them at that
- * end. */
+/* Limits the samples to those in and near the region. If the region is outside of the data, some samples at
+ * the nearest end remain. */
 static void crop(zarr_volume *v)
 {
     for (int k = 0; k < 3; k++) {
@@ -365,7 +367,7 @@ static void crop(zarr_volume *v)
 static void place(zarr_volume *v)
 {
     double *m = v->base.index_to_world;
-    for (int k = 0; k < 3; k++) { /* column 0 is the fastest axis */
+    for (int k = 0; k < 3; k++) { /* column 0 of the matrix is the fastest axis */
         const int axis = 2 - k, row = v->m.row[axis];
         m[4 * row + k] = v->m.scale[axis];
         m[4 * row + 3] = v->m.translation[axis] + v->m.scale[axis] * (double)v->low[axis];

@@ -79,7 +79,7 @@ static attachment_topology topology_of(const polygon_mesh *p)
 
 /* ---- places ---- */
 
-/* The polygon of each triangle; NULL: limit_memory. */
+/* The polygon of each triangle; the caller frees the array. NULL: limit_memory. */
 static uint32_t *faces_of_triangles(const polygon_mesh *p, error *e)
 {
     uint32_t *face = mem_array(p->m.triangle_count, sizeof *face, what, e), *next = face;
@@ -88,7 +88,7 @@ static uint32_t *faces_of_triangles(const polygon_mesh *p, error *e)
     return face;
 }
 
-/* The first corner of a polygon at a vertex of it. A vertex that occurs twice has one place. */
+/* The index of the first corner of a polygon that has the vertex; a vertex may occur twice. */
 static uint32_t corner_at(const mesh_polygons *p, uint32_t face, uint32_t vertex)
 {
     const uint32_t *corner = p->corner + p->first[face];
@@ -102,7 +102,7 @@ static triangle triangle_of(const mesh *m, const uint32_t t[3])
     return (triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
 }
 
-/* Puts the least corner first, and the corners counter-clockwise seen from the side of the normal. */
+/* Sorts the corners: the lowest one first, then counter-clockwise seen from the side of the normal. */
 static void put_in_order(const triangle *t, vec3 normal, uint32_t corner[3], double weight[3])
 {
     const vec3 across = vec3_cross(vec3_sub(t->b, t->a), vec3_sub(t->c, t->a));
@@ -119,7 +119,8 @@ static void put_in_order(const triangle *t, vec3 normal, uint32_t corner[3], dou
     }
 }
 
-/* A search in one mesh. The mesh is moved so that its box begins at the origin, where doubles are finest. */
+/* A search in one mesh. Coordinates are relative to the lowest corner of its box, where doubles are most
+ * accurate. */
 typedef struct search {
     polygon_mesh p;
     vec3 origin;
@@ -153,7 +154,8 @@ static void store_place(double *const values[ATTACHMENT_ARRAYS], size_t i, size_
     }
 }
 
-/* Stores the place of point i if it is nearer than the square *distance2, and sets that to its distance. */
+/* Stores the position of point i on this mesh if its squared distance is less than *distance2, which is
+ * updated. */
 static void find_place(const search *s, size_t file, vec3 position, vec3 normal, size_t i, double *distance2,
                        double *const values[ATTACHMENT_ARRAYS])
 {
@@ -212,15 +214,15 @@ bool attachment_find(attachment_file *files, size_t file_count, size_t memory_li
 /* A polygon at a vertex. */
 typedef struct incidence {
     uint32_t face;
-    float angle; /* interior angle there */
+    float angle; /* interior angle of the polygon there */
 } incidence;
 
-/* A mesh whose corners have normals. Vertices at the same place are one for the normals. */
+/* A mesh with normals at its corners. Vertices with equal coordinates count as one for the normals. */
 typedef struct frame {
     polygon_mesh p;
-    uint32_t *joined; /* of each vertex the one that represents its place */
-    vec3 *normal;     /* of each polygon, unit; 0: without area */
-    size_t *first;    /* of each vertex its first incidence; one more than vertices */
+    uint32_t *joined; /* per vertex: the first vertex with the same coordinates */
+    vec3 *normal;     /* per polygon: unit normal; 0: no area */
+    size_t *first;    /* per vertex, and one more: its first incidence */
     incidence *at;
     double least; /* cosine of ATTACHMENT_CREASE */
 } frame;
@@ -257,7 +259,7 @@ static bool check_topology(const attachment_file *file, const polygon_mesh *p, e
                      file->path);
 }
 
-/* The normal of a polygon by the sum over its fan (Newell). */
+/* The normal of a polygon, from the sum over its fan (Newell). */
 static vec3 polygon_normal(const polygon_mesh *p, size_t face)
 {
     const uint32_t *c = p->polygons.corner + p->polygons.first[face];
@@ -276,7 +278,7 @@ static float angle_at(const polygon_mesh *p, size_t face, uint32_t k)
     return (float)atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Sets `joined`: vertices with equal coordinates become the same one. */
+/* Sets `joined`: the first vertex with the same coordinates. */
 static bool join_vertices(frame *f, error *e)
 {
     mesh copy = {0};
@@ -289,7 +291,7 @@ static bool join_vertices(frame *f, error *e)
     return ok;
 }
 
-/* Lists the polygons at each vertex, by counting. */
+/* Lists the polygons at each vertex, by a counting sort. */
 static bool list_incidences(frame *f, error *e)
 {
     const mesh_polygons *all = &f->p.polygons;
@@ -308,7 +310,7 @@ static bool list_incidences(frame *f, error *e)
             const uint32_t v = f->joined[all->corner[all->first[face] + k]];
             f->at[--f->first[v + 1]] = (incidence){(uint32_t)face, angle_at(&f->p, face, k)};
         }
-    /* first[v + 1] is now where the incidences of v begin */
+    /* filling moved first[v] to the end of v's range: restore the begins */
     memmove(f->first, f->first + 1, vertices * sizeof *f->first);
     f->first[vertices] = total;
     return true;
@@ -324,8 +326,8 @@ static bool open_frame(const attachment_file *file, size_t memory_limit, frame *
     return f->normal && join_vertices(f, e) && list_incidences(f, e);
 }
 
-/* The normal of a polygon at one of its vertices. Neighbours that the file orients the other way are
- * turned. */
+/* The normal of a polygon at one of its vertices. Normals of adjacent polygons with the opposite orientation
+ * are reversed. */
 static vec3 corner_normal(const frame *f, uint32_t face, uint32_t vertex)
 {
     const vec3 own = f->normal[face];
@@ -340,7 +342,7 @@ static vec3 corner_normal(const frame *f, uint32_t face, uint32_t vertex)
     return vec3_norm(sum) > 0 ? vec3_unit(sum) : own;
 }
 
-/* Whether the weights are those of a place of the triangle, to within rounding to floats. */
+/* Whether the weights are valid barycentric weights, within the rounding error of floats. */
 static bool are_weights(const double weight[3])
 {
     static const double slack = 1e-3;
@@ -366,8 +368,7 @@ static bool check_place(const mesh_polygons *p, size_t i, double face, const dou
                i, face, corner[0], corner[1], corner[2], weight[0], weight[1], weight[2]);
 }
 
-/* Whether the corners follow each other against the order of the polygon: the point is on the other side
- * of it. */
+/* Whether the order of the corners is opposite to that of the polygon: the point is on its other side. */
 static bool is_turned(const double corner[3])
 {
     return (corner[0] < corner[1]) + (corner[1] < corner[2]) + (corner[2] < corner[0]) < 2;

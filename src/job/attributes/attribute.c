@@ -6,14 +6,15 @@
 #include "job/attributes/dense_attributes.h"
 #include "job/attributes/grid.h"
 
-/* What reads a kind of file. */
+/* The functions that read a kind of file. */
 typedef struct reader {
     bool (*find)(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
     bool (*read)(const attribute_request *request, size_t count, const vec3 *position, double *values,
                  attribute_counts *counts, error *e);
 } reader;
 
-/* Files of no other kind are meshes, whose reader says what they are. */
+/* The reader for a file. Files that are no other kind are treated as meshes, whose reader refuses unknown
+ * ones. */
 static const reader *reader_of(const attribute_request *request)
 {
     static const reader grids = {grid_find, grid_read},

@@ -34,7 +34,7 @@ struct attribute_mesh {
     char *path;
     mesh m;
     mesh_values values;
-    triangle_tree *tree; /* once it is needed */
+    triangle_tree *tree; /* built when first needed; or NULL */
 };
 
 void corners_forget(attribute_mesh **last)
@@ -49,7 +49,7 @@ void corners_forget(attribute_mesh **last)
     free(kept);
 }
 
-/* The mesh, which is read unless it was the last one, and the index of its requested array. */
+/* Returns the mesh, which is read unless it is the last one, and the index of the requested array. */
 static bool find_mesh(const attribute_request *request, attribute_mesh **out, size_t *which, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
@@ -78,7 +78,7 @@ bool corners_find(const attribute_request *request, point_attribute_kind *kind, 
     return true;
 }
 
-/* Between the corners, each by its weight; whole numbers are the same at all of them. */
+/* Interpolates the values of the corners by their weights. Whole numbers are equal at all corners. */
 static void mix(const float *value, int components, const uint32_t corner[3], const double weight[3],
                 bool whole, double *out)
 {

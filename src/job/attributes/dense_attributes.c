@@ -9,10 +9,10 @@
 #include "io/volumes/volume_file.h"
 #include "geometry/space/affine.h"
 
-/* As many as a stencil has along an axis. */
+/* Number of slices in memory: those that a cubic stencil needs. */
 enum { HELD = 4 };
 
-/* The component or volume that a name chooses, "0", "1", ...; -1: all. False: it is no such number. */
+/* Parses the number of a component or volume, "0", "1", ...; -1: all. False: it is not such a number. */
 static bool parse_number(const char *name, int64_t *out)
 {
     char *end = NULL;
@@ -28,7 +28,7 @@ static bool missing(const attribute_request *request, int components, error *e)
                      request->name, components > 1 ? "components" : "volumes", components);
 }
 
-/* The slices, and the index of their requested component; -1: all. */
+/* Opens the slices. *component: the index of the requested one; -1: all. */
 static slices *open_slices(const attribute_request *request, int *component, error *e)
 {
     int64_t number;
@@ -39,7 +39,7 @@ static slices *open_slices(const attribute_request *request, int *component, err
         if (request->name) params.channel = request->name;
         slices *images = volume_file_open_stack(&params, &own);
         if (!images && own.code == ERROR_GRID_MISSING && params.part) {
-            params.part = NULL; /* another part may have the channel */
+            params.part = NULL; /* the channel may be in another part */
             images = volume_file_open_stack(&params, &own);
         }
         if (!images && e) *e = own;
@@ -83,14 +83,14 @@ bool dense_attributes_find(const attribute_request *request, point_attribute_kin
     return true;
 }
 
-/* The slices that are held: number k is at place k % HELD. */
+/* The slices in memory: slice k has the index k % HELD. */
 typedef struct window {
     const slices *source;
     int component;
     double *slice[HELD];
 } window;
 
-/* What is beyond the ends is what is at them. */
+/* Reads a sample; beyond an end of the data it is the last sample. */
 static bool read_sample(const void *context, const int32_t at[3], double value[4])
 {
     const window *w = context;
@@ -110,7 +110,7 @@ static bool read_sample(const void *context, const int32_t at[3], double value[4
     return known;
 }
 
-/* Points in the order of the last slice that they need. */
+/* A point, for sorting by the last slice that it needs. */
 typedef struct turn {
     int64_t last;
     size_t point;
@@ -134,7 +134,7 @@ static void line_up(const lattice *l, const slices *s, size_t count, const vec3 
     qsort(turns, count, sizeof *turns, compare_turns);
 }
 
-/* Components of a vector may be in directions of their own. */
+/* Rotates the components of vectors if the file gives their directions. */
 static void turn_vectors(const slices *s, lattice *l)
 {
     double product[3][3], sum = 0;

@@ -17,7 +17,7 @@ static bool find_entry(const attribute_request *request, size_t *index, vdb_entr
     return ok;
 }
 
-/* From the words of the shim. */
+/* Converts the type of a grid to a kind and a number of components. */
 static void describe(const char *type, point_attribute_kind *kind, int *components)
 {
     bool vector = strncmp(type, "vec", 3) == 0;
@@ -74,6 +74,7 @@ bool grid_read(const attribute_request *request, size_t count, const vec3 *posit
     if (!find_entry(request, &index, &entry, e) ||
         !vdb_visit_grid(request->fd, index, request->memory_limit, read_values, &r, e))
         return false;
-    if (strcmp(entry.type, "bool") == 0) counts->outside = 0; /* where there is nothing it is false */
+    /* voxels without data are false, not outside */
+    if (strcmp(entry.type, "bool") == 0) counts->outside = 0;
     return true;
 }

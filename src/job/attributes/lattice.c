@@ -37,7 +37,7 @@ void lattice_turn(point_attribute_kind kind, const double map[3][4], double *val
     for (int a = 0; a < 3; a++) value[a] = vec3_get(v, a);
 }
 
-/* Adds up the samples around a place; whether any of them is one. */
+/* Adds the weighted samples around a position. Returns whether one of them has data. */
 static bool add_samples(const lattice *l, const stencil *s, double *sum)
 {
     bool known = false;

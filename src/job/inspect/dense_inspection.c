@@ -18,13 +18,13 @@ int dense_inspection_open_beside(void *context, const char *path, error *e)
     return store_open_input(((const contents_input *)context)->options->roots, path, e);
 }
 
-/* Slices whose values are counted as they pass. */
+/* Slices that count the values while they are read by other code. */
 typedef struct counted {
     slices base; /* first: the slices' functions get this pointer */
     slices *from;
     values *values;
-    int64_t passed; /* or less than 0: they have not begun */
-    error fault;    /* of reading */
+    int64_t passed; /* number of slices that were counted; < 0: reading has not begun */
+    error fault;    /* error of reading */
 } counted;
 
 static bool counted_begin(slices *base, error *e)
@@ -58,7 +58,7 @@ static counted counted_of(slices *s, values *v)
     return c;
 }
 
-/* Those that have not passed yet. */
+/* Reads and counts the slices that were not read yet. */
 static bool count_rest(counted *c, size_t memory_limit, error *e)
 {
     const int64_t *size = c->base.size;
@@ -90,7 +90,7 @@ static void describe_slices(const slices *s, json *o)
     frame_describe(s->index_to_world, first, last, o);
 }
 
-/* A job's surface of the file. */
+/* The object `surface` of a spec for the file. */
 static json *shape_of(const char *kind, const json *file)
 {
     json *shape = json_new_object();
@@ -114,7 +114,7 @@ static bool suggest_isovalues(const contents_input *in, values *v, double voxels
     return ok;
 }
 
-/* Values that no label can have, or that do not fit into memory, are not labels. */
+/* Labels are not suggested for values that cannot be labels, or that do not fit into memory. */
 bool dense_inspection_describe(const contents_input *in, slices *s, const char *kind, const json *file,
                                json *o, json *suggestions, error *e)
 {

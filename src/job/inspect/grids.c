@@ -12,7 +12,7 @@
 #include "io/vdb/vdb.h"
 #include "surface/volume/grid_selection.h"
 
-/* Values of a tile that are counted: one for each leaf that it stands for. */
+/* Maximum number of values that are counted for a tile: one for each leaf that it replaces. */
 static const int64_t MOST_OF_A_TILE = 4096;
 
 static const char *const class_names[] = {"unknown", "level set", "fog volume", "staggered"};
@@ -61,7 +61,7 @@ static bool suggest(const contents_input *in, const char *name, const vdb_grid *
     double at[VALUE_STATISTICS_CANDIDATES];
     if (g->grid_class == VDB_LEVEL_SET)
         return suggestion_append(suggestions, surface_of(in, name, NULL), voxels, in->options, e);
-    /* where voxels end and the background begins there is a surface, too */
+    /* where the voxels end and the background begins there is a surface, too */
     const double background = (double)g->background;
     value_statistics_add(v, &background, 1);
     size_t count = value_statistics_candidates(v, at);
@@ -76,7 +76,7 @@ static bool describe_grid(const contents_input *in, size_t index, const char *na
 {
     error fault = {0};
     vdb_grid *g = vdb_load_grid(in->fd, index, (vdb_loading){0}, run_options_memory(in->options, 0), &fault);
-    if (!g) { /* one damaged grid does not hide the others */
+    if (!g) { /* a damaged grid does not prevent the description of the others */
         json *told = json_put_object(o, "error");
         json_put_string(told, "code", error_code_name(fault.code));
         json_put_string(told, "message", fault.message);

@@ -13,10 +13,10 @@
 #include "job/inspect/dense_inspection.h"
 #include "files/root.h"
 
-/* Slices that a spec may have; and channels of a stack whose values are read. */
+/* Maximum number of slices of a spec, and of channels of a stack whose values are read. */
 enum { MOST_SLICES = 65536, MOST_CHANNELS = 4 };
 
-/* Images whose names differ by a number. */
+/* Images whose names differ in a number. */
 typedef struct stack {
     char *pattern; /* with #### in place of the number */
     int first, last;
@@ -40,7 +40,7 @@ static bool is_there(const contents_input *in, const char *path)
     return fd >= 0;
 }
 
-/* The images beside this one without a gap between their numbers: those of the last number in its name. */
+/* Finds the images with consecutive numbers around this one; the number is the last one in the name. */
 static stack find_stack(const contents_input *in)
 {
     const char *slash = strrchr(in->path, '/'), *name = slash ? slash + 1 : in->path,
@@ -75,7 +75,7 @@ static stack find_stack(const contents_input *in)
     return s;
 }
 
-/* One channel of a stack: its values, and surfaces to try. */
+/* Describes one channel of a stack: its values, and suggested surfaces. */
 static bool describe_channel(const contents_input *in, const stack *of, const char *part, const char *channel,
                              json *inspection, error *e)
 {
@@ -108,7 +108,7 @@ static bool describe_channel(const contents_input *in, const stack *of, const ch
     return ok;
 }
 
-/* A TIFF image of one page, with those beside it. */
+/* Describes a TIFF image of one page, with the images numbered consecutively. */
 static bool describe_pages(const contents_input *in, const stack *of, json *inspection, error *e)
 {
     const slices_files files = {dense_inspection_open_beside, (void *)in};
@@ -187,7 +187,8 @@ bool contents_read_exr(const contents_input *in, json *inspection, error *e)
         describe_line(strsep(&rest, "\n"), channels, &part, &channel);
         if (s.count < 2 || k >= MOST_CHANNELS) continue;
         if (!describe_channel(in, &s, part, channel, inspection,
-                              &fault)) /* one that is not a volume hides no other */
+                              &fault)) /* an image that is not a volume does not prevent the description of
+                                        * the others */
             json_put_string(json_append_object(json_find(inspection, "/stacks")), "error", fault.message);
         ok = fault.code != ERROR_CANCELLED && fault.code != ERROR_LIMIT_TIME;
         if (!ok && e) *e = fault;

@@ -8,7 +8,8 @@
 #include "job/inspect/contents.h"
 #include "files/root.h"
 
-/* Formats without a row: dense volumes, whose reader says what they are, and meshes. */
+/* Readers by format. Formats without a row are dense volumes, whose reader names the format in its message,
+ * and meshes. */
 static contents_reader *const readers[FILE_FORMATS] = {[FILE_FORMAT_VDB] = contents_read_vdb,
                                                        [FILE_FORMAT_EXR] = contents_read_exr,
                                                        [FILE_FORMAT_TIFF] = contents_read_tiff,

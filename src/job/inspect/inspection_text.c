@@ -34,7 +34,7 @@ static void print_box(FILE *out, json_at object)
     fputs(")\n", out);
 }
 
-/* A bar of one character for each bin: its share on a logarithmic scale. */
+/* Prints a bar with one character for each bin: its fraction on a logarithmic scale. */
 static void print_histogram(FILE *out, json_at object)
 {
     static const char bars[] = " .:-=+*#@";

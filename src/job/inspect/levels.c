@@ -11,7 +11,8 @@
 #include "job/inspect/dense_inspection.h"
 #include "files/tree.h"
 
-/* The finest level of at most this number of voxels is read; and chunks of it at most. */
+/* Maximum number of voxels, and of chunks, of the level whose values are read; the finest such level is
+ * chosen. */
 static const double most_voxels = 1 << 26;
 static const int64_t most_chunks = 100000;
 
@@ -20,7 +21,7 @@ static int open_below(void *context, const char *path, bool *is_missing, error *
     return store_tree_open(context, path, is_missing, e);
 }
 
-/* Adds a level to the list; its number of voxels. */
+/* Adds a level to the list. Returns its number of voxels. */
 static double describe_level(const zarr_metadata *m, json *o)
 {
     double voxels = 1;
@@ -38,7 +39,7 @@ static double describe_level(const zarr_metadata *m, json *o)
     return voxels;
 }
 
-/* All levels; *chosen is the one whose values are read. */
+/* Describes all levels. *chosen: the level whose values are read. */
 static bool describe_levels(const slices_directory *d, json *list, int64_t *chosen, bool *is_ome, error *e)
 {
     double voxels = 0;

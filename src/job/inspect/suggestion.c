@@ -14,17 +14,17 @@
 #include "sampling/measures/measures.h"
 #include "sampling/sizing/clearance.h"
 
-/* Minimum and maximum points of a suggested spec; the maximum takes seconds. */
+/* Minimum and maximum number of points of a suggested spec; the maximum takes seconds. */
 static const double FEWEST = 2000, MOST = 100000;
-/* Work limits of an inspection, on any machine: cells scanned over all surfaces, as many as a cube of 256
- * voxels has, and voxels read to open them. */
+/* Limits of the work of an inspection, independent of the machine: cells scanned over all surfaces (those of
+ * a cube of 256 voxels), and voxels read to open the surfaces. */
 static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;
-/* Cells that a plane passes, for each square of their side: the mean over its directions. */
+/* Mean number of cells that a plane crosses per squared cell side, over all orientations. */
 static const double CELLS_OF_A_PLANE = 1.5;
-/* Cells at which the gradient is measured. */
+/* Number of cells at which the gradient is measured. */
 static const size_t SLOPES = 256;
 
-/* NAN when nothing is known of the field there. */
+/* The mean length of the gradient. NAN: the field is undefined at all sampled cells. */
 static double mean_slope(const surface *scan)
 {
     double sum = 0, count = 0;
@@ -50,15 +50,15 @@ static json *spec_of(const json *shape, double count)
     return document;
 }
 
-/* The area of a surface that is not scanned. Cells of surfaces of patches are triangles or parts of patches
- * of any size, so their number does not give the area. */
+/* Estimates the area of a surface that is not scanned from its number of cells. Not for surfaces of patches:
+ * their cells are triangles, or parts of them, of any size. */
 static double estimate_area(const field *f)
 {
     if (f->patches) return field_patches_area(f->patches);
     return (double)f->ops->cell_count(f) * f->cell_size * f->cell_size / CELLS_OF_A_PLANE;
 }
 
-/* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even
+/* Describes a surface that is not scanned, because that would take too long. `f` NULL: the surface was not
  * opened. */
 static void describe_unseen(const field *f, const json *shape, json *item)
 {
@@ -71,8 +71,8 @@ static void describe_unseen(const field *f, const json *shape, json *item)
     json_put(item, "spec", spec_of(shape, MOST));
 }
 
-/* The job's points may show thinner walls than an inspection measures, and its report may then ask for
- * more points. */
+/* Warns that walls may be thinner than the smallest distance that an inspection measures. The job's report
+ * may then advise more points. */
 static void warn_of_thinner_walls(const clearance *room, json *warnings)
 {
     if (room->factor > room->least_factor || room->least_factor >= 1) return;
@@ -103,7 +103,7 @@ static bool describe(job *j, const json *shape, json *item, json *warnings, erro
     return true;
 }
 
-/* Cells of the surfaces in the list that were scanned. */
+/* The number of scanned cells of the surfaces in the list. */
 static double cells_scanned(const json *list)
 {
     double cells = 0;
@@ -115,7 +115,7 @@ static double cells_scanned(const json *list)
     return cells;
 }
 
-/* `cells`: how many may be scanned. */
+/* Opens a surface and measures it. `cells`: maximum number of cells to scan. */
 static bool look(job *j, const json *shape, double cells, json *item, error *e)
 {
     static job_phase *const phases[] = {job_load};

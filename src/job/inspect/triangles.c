@@ -12,7 +12,7 @@
 #include "io/meshes/mesh_file.h"
 #include "job/report/report.h"
 
-/* Edges at which an odd number of triangles meets; their box. */
+/* Counts the edges at which an odd number of triangles meets, and finds their box. */
 static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
 {
     mesh_edges edges = {0};
@@ -28,7 +28,7 @@ static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
     return listed;
 }
 
-/* Sets of triangles that share vertices; every vertex belongs to a triangle. */
+/* Counts the sets of triangles that are connected by vertices. Every vertex belongs to a triangle. */
 static bool count_components(const mesh *m, size_t *count, error *e)
 {
     uint32_t *parent = mem_array(m->vertex_count, sizeof *parent, "the parts of the mesh", e);
@@ -58,7 +58,7 @@ static bool describe(const mesh *m, json *o, error *e)
     return true;
 }
 
-/* The read mesh takes no part in what follows: a job reads its own. */
+/* Describes a mesh file. The mesh is freed here; suggestions are tried on a mesh that the job reads again. */
 static bool describe_file(const contents_input *in, json *o, error *e)
 {
     const mesh_file file = {in->fd, in->path, NULL, run_options_memory(in->options, 0)};

@@ -9,14 +9,14 @@
 
 enum { KEPT = 1 << 20, BINS = 32, FINE_BINS = 1024 };
 
-/* Otsu's threshold looks at what lies between these quantiles: a few far values would leave all others in
- * one bin. */
+/* Otsu's threshold uses the values between these quantiles: a few outliers would otherwise leave all other
+ * values in one bin. */
 static const double TAIL = 0.001;
-/* Share of the values above the most frequent one. */
+/* Quantiles, of the values above the most frequent one, that are suggested as isovalues. */
 static const double QUANTILES[] = {0.5, 0.25, 0.9};
-/* A value is frequent, and a plateau, when it is more of the values than this. */
+/* A value is frequent, a plateau, if more than this fraction of the values are equal to it. */
 static const double FREQUENT = 0.02;
-/* Candidates that differ by less than this part of the range are one. */
+/* Candidates that differ by less than this fraction of the range are considered equal. */
 static const double ALIKE = 1e-3;
 
 values value_statistics_begin(void)
@@ -100,7 +100,8 @@ static double otsu(const double *sorted, size_t count)
 {
     double low = quantile(sorted, count, TAIL), high = quantile(sorted, count, 1 - TAIL), all = 0, sum = 0;
     double bin[FINE_BINS] = {0}, below = 0, sum_below = 0, best = -1, at = 0.5 * (low + high);
-    if (!(high > low)) return 0.5 * (sorted[0] + sorted[count - 1]); /* nearly all are one value */
+    /* nearly all values are equal */
+    if (!(high > low)) return 0.5 * (sorted[0] + sorted[count - 1]);
     for (size_t k = 0; k < count; k++) {
         double place = (sorted[k] - low) / (high - low) * FINE_BINS;
         if (place >= 0 && place <= FINE_BINS) bin[place < FINE_BINS ? (size_t)place : FINE_BINS - 1]++;
@@ -123,7 +124,7 @@ static double otsu(const double *sorted, size_t count)
     return at;
 }
 
-/* The most frequent value, and where it ends in the sorted ones; its share. */
+/* The fraction of the most frequent value. *end: the index after its last occurrence in the sorted values. */
 static double most_frequent(const double *sorted, size_t count, size_t *end)
 {
     size_t most = 0;
@@ -137,7 +138,7 @@ static double most_frequent(const double *sorted, size_t count, size_t *end)
     return (double)most / (double)count;
 }
 
-/* Off a plateau: between whole numbers, or half way to the next value that occurs. */
+/* Moves an isovalue off a plateau: between whole numbers, or halfway to the next value that occurs. */
 static double between_values(const values *v, double at)
 {
     if (v->integral) return floor(at) + 0.5;

@@ -20,26 +20,29 @@
 
 static const char what[] = "the points of a result";
 
-/* Doubles of memory per number of a point: the columns, the attributes made of them, and the sets that are
- * written. */
+/* Memory of the points, as a multiple of their numbers in doubles: the columns, the attributes made of them,
+ * and the sets that are written. */
 static const double COPIES = 3;
 
 typedef struct attach {
-    job job; /* first: phases of a job get it */
+    job job; /* first, since phases of a job receive this pointer */
     ply_file file;
     points set;
     size_t kept; /* attributes of the file; names and values are owned here until they are adopted */
     point_attribute attributes[COLUMNS_MAX];
-    const double *places[ATTACHMENT_ARRAYS]; /* values of the attribute source */
-    surface_meshes meshes;                   /* with the topologies of the result */
-    size_t without;                          /* points without a place, which stay where they are */
-    double spacing;                          /* mean of the requested ones */
+    const double *places[ATTACHMENT_ARRAYS]; /* values of the attribute `source`: the positions on the
+                                              * meshes */
+    surface_meshes meshes;                   /* meshes of the spec, with the topologies stored in the
+                                              * result */
+    size_t without;                          /* number of points without a stored position; they are not
+                                              * moved */
+    double spacing;                          /* mean requested spacing */
     json *warnings;                          /* for the report, which takes ownership */
 } attach;
 
 /* ---- the points of the result ---- */
 
-/* Columns that are components of one attribute, by the endings of their names. */
+/* A range of columns that are components of one attribute, by the suffixes of their names. */
 typedef struct group {
     char base[COLUMN_NAME_SIZE];
     int components;
@@ -58,7 +61,7 @@ static bool is_whole(const column *c)
     return c->type == COLUMN_INT || c->type == COLUMN_UINT;
 }
 
-/* The attribute that begins with a column: several columns v_x v_y ..., or one. */
+/* The attribute that begins with a column: several columns v_x v_y ..., or one column. */
 static group group_at(const columns *list, size_t first)
 {
     static const struct {
@@ -87,7 +90,7 @@ static group group_at(const columns *list, size_t first)
     return one;
 }
 
-/* Whole numbers of more than 32 bits are doubles in a file. */
+/* Whether the values are whole numbers. Those of more than 32 bits are stored as doubles. */
 static bool are_whole(const double *values, size_t count)
 {
     bool whole = true;
@@ -95,7 +98,7 @@ static bool are_whole(const double *values, size_t count)
     return whole;
 }
 
-/* Whether all formats can have the name of an attribute, and no attribute before has it. */
+/* Checks that all formats accept the name of an attribute, and that no earlier attribute has it. */
 static bool check_name(const attach *a, const char *name, error *e)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
@@ -126,7 +129,7 @@ static bool keep_group(attach *a, const columns *list, size_t first, const group
     return true;
 }
 
-/* Makes the attributes of the points of the columns that are none of their own properties. */
+/* Makes attributes of the columns that are not properties of points. */
 static bool keep_attributes(attach *a, error *e)
 {
     const columns *list = &a->file.columns;
@@ -143,8 +146,7 @@ static bool keep_attributes(attach *a, error *e)
     return true;
 }
 
-/* The arrays of the places, by the first name with all endings; NULL and attribute_missing if there is
- * none. */
+/* Finds the arrays of the stored positions: the first name with all suffixes. Error: attribute_missing. */
 static bool find_places(attach *a, error *e)
 {
     for (size_t k = 0; k < a->kept; k++) {
@@ -186,7 +188,7 @@ static bool check_properties(const points *p, error *e)
 /* Checks the values that the outputs depend on. */
 static bool check_values(const points *p, error *e)
 {
-    static const double largest = 1e30; /* as of coordinates of meshes */
+    static const double largest = 1e30; /* as for coordinates of meshes */
     for (size_t i = 0; i < p->count; i++) {
         const vec3 x = p->position[i];
         const double length = vec3_norm(p->normal[i]);
@@ -221,11 +223,11 @@ static bool read_topologies(attach *a, FILE *file, error *e)
                      found, a->meshes.count);
 }
 
-/* Whether the file may be read within the memory limit, by its length. */
+/* Checks by its length that the file may be read within the memory limit. */
 static bool check_size(const attach *a, int fd, error *e)
 {
     const off_t bytes = lseek(fd, 0, SEEK_END);
-    const double needed = COPIES * 2 * (double)bytes; /* floats become doubles */
+    const double needed = COPIES * 2 * (double)bytes; /* factor 2: floats become doubles */
     return needed <= (double)a->job.memory ||
            error_set(e, ERROR_LIMIT_MEMORY,
                      "/sampling/attach: the points require %.0f MiB, and the limit is %zu MiB: raise "
@@ -273,7 +275,7 @@ static bool place(job *j, error *e)
     }
     a->spacing = sum / (double)p->count;
     a->set = *p;
-    a->set.orient = NULL; /* made again of the normals */
+    a->set.orient = NULL; /* computed again from the new normals */
     return attachment_evaluate(a->meshes.file, a->meshes.count, j->memory, p->count, a->places,
                                (vec3 *)p->position, (vec3 *)p->normal, e);
 }
@@ -291,8 +293,8 @@ static spec spec_with(const spec *s, spec_attribute *list, size_t count)
     return how;
 }
 
-/* Whether the file of this frame has an attribute. One that it lacks keeps the values of the result, with
- * a warning. */
+/* Whether the file of this frame has an attribute. If not, the values of the result are kept, with a
+ * warning. */
 static bool has_values(attach *a, spec_attribute *one, bool *out, error *e)
 {
     job *j = &a->job;
@@ -314,7 +316,8 @@ static bool has_values(attach *a, spec_attribute *one, bool *out, error *e)
     return false;
 }
 
-/* Reads the attributes of files at the new positions; all others are those of the result. */
+/* Reads the attributes from files at the new positions. All other attributes keep the values of the
+ * result. */
 static bool read_attributes(job *j, error *e)
 {
     attach *a = (attach *)j;
@@ -435,7 +438,7 @@ bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome
     return ok;
 }
 
-/* The area of the result's surface, by the cells of its points. */
+/* The area of the result's surface: the sum of the areas of its points' cells. */
 static double area_of(const points *p)
 {
     double sum = 0;

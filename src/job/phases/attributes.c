@@ -17,16 +17,18 @@
 #include "files/sent_file.h"
 
 struct attributes_entry {
-    const spec_attribute *spec; /* NULL: a property of points on patches, or given */
-    bool is_given;              /* its values are known */
+    const spec_attribute *spec; /* NULL: a property of points on patches, or a given attribute */
+    bool is_given;              /* its values are already known */
     char *name;
     int fd; /* descriptor of its file, or -1 */
     attribute_request request;
     exr_stack_params stack; /* if the surface is an EXR stack */
     slices_files files;
     attribute_counts counts;
-    int place;          /* of the place on a mesh: which array, ATTACHMENT_MESH ...; else -1 */
-    double distance;    /* of places on meshes: the largest of a point from its place, in spacings */
+    int place;          /* for positions on a mesh: the index of the array (ATTACHMENT_MESH ...); otherwise
+                         * -1 */
+    double distance;    /* for positions on meshes: largest distance of a point from its stored position, in
+                         * spacings */
     double least, most; /* range of the components; for vectors, of each component */
 };
 
@@ -41,7 +43,8 @@ static const char *file_of(const spec_surface *s)
                                             : NULL;
 }
 
-/* The first part of the surface with this file (NULL: any), and the map from its space to the world. */
+/* The first part of the surface that uses this file (NULL: any file), and the map from its space to world
+ * space. */
 static const spec_surface *find_part(const spec_surface *s, const char *path, double m[3][4])
 {
     const char *own = file_of(s);
@@ -58,8 +61,8 @@ static const spec_surface *find_part(const spec_surface *s, const char *path, do
     return NULL;
 }
 
-/* The map of a file that no part of the surface uses: the transforms outside any combination, which move the
- * whole surface. */
+/* The map of a file that no part of the surface uses: the transforms that move the whole surface, outside
+ * any combination. */
 static void place_beside(const spec_surface *s, double m[3][4])
 {
     for (; s->part_count == 1; s = s->parts[0])
@@ -100,7 +103,7 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
     return out->fd >= 0;
 }
 
-/* Whether an attribute is the place on a mesh. */
+/* Whether an attribute is the position on a mesh. */
 static bool is_place(const spec_attribute *a)
 {
     return strcmp(a->from, SPEC_FROM_GEOMETRY) == 0 && strcmp(a->name, SPEC_GEOMETRY_SOURCE) == 0;
@@ -117,10 +120,10 @@ static char *name_of(const spec_attribute *a, int place)
     return name;
 }
 
-/* Properties of points on patches: solver_feature and the index of the patch; on interfaces of labels also
- * the two labels. */
+/* Names of properties of points on patches: solver_feature and the index of the patch; on interfaces of
+ * labels also the two labels. */
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
-/* Property of points if some are given and kept. */
+/* Name of the property that marks given points that are kept. */
 static const char kept_name[] = "kept";
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
@@ -133,7 +136,7 @@ static size_t place_count(const source *from)
 static bool check_name(const spec *s, const attributes *a, size_t index, error *e)
 {
     const char *name = a->entries[index].name;
-    /* the points have these of their own */
+    /* properties that the points have already */
     bool moves = s->coherent && strcmp(name, "velocity") == 0;
     bool has_row = s->coherent && s->has_order && strcmp(name, "row") == 0;
     bool turns = s->has_orient && columns_is_of_orient(name);
@@ -203,7 +206,8 @@ bool attributes_check_named(const spec *s, const points *set, error *e)
     return instances_check(s, set, e);
 }
 
-/* Checks that the points will have what the outputs require, by a set of zero points with the same arrays. */
+/* Checks that the points will have what the outputs require, with a set of 0 points that has the same
+ * arrays. */
 static bool check_outputs(const spec *s, const attributes *a, error *e)
 {
     static const vec3 vector;
@@ -273,7 +277,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
     return ok && check_outputs(s, out, e);
 }
 
-/* The entry with a name, which is not given; a->count: there is none. */
+/* The index of the entry with a name that is not a given attribute; a->count: there is none. */
 static size_t find_located(const attributes *a, const char *name)
 {
     size_t k = 0;
@@ -302,7 +306,7 @@ void attributes_adopt(attributes *a, const point_attribute *given, size_t count)
         values[n] = given[k];
     }
     for (size_t k = 0; k < a->count; k++) {
-        if (!a->entries[k].name) continue; /* it is among the given ones */
+        if (!a->entries[k].name) continue; /* a given attribute */
         entries[n] = a->entries[k];
         values[n++] = a->values[k];
     }
@@ -372,7 +376,7 @@ static void note_range(attributes_entry *entry, const double *values, size_t cou
     }
 }
 
-/* Fills in the arrays of a place, of which entry k is the last. */
+/* Fills in the arrays of the positions on meshes, of which entry k is the last. */
 static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const points *set, error *e)
 {
     const size_t first = k + 1 - ATTACHMENT_ARRAYS;
@@ -496,8 +500,7 @@ static void warn(json *warnings, const attributes_entry *entry, size_t count, co
     free(text);
 }
 
-/* The meshes on which points have places, with what determines their numbers; a later attachment compares
- * it. */
+/* Describes the meshes that have points, with their topology, which a later attachment compares. */
 static void describe_meshes(const attributes *a, const attributes_entry *entry, json *object, json *warnings)
 {
     json *list = json_put_array(object, "meshes");

@@ -12,17 +12,17 @@
 #include "sampling/solver/particles/random_streams.h"
 #include "job/source/plan.h"
 
-/* Samples of the surface for each point of the result, and their bounds. */
+/* Number of samples of the surface per point of the result, and its bounds. */
 static const double SAMPLES_PER_POINT = 4, SAMPLES_LEAST = 20000, SAMPLES_MOST = 2e6;
-/* The number of points of a packing within an area varies with the position of its lattice. Its standard
- * deviation is .17 to .33 times the square root of the number of cells on the area's border; this is the
- * factor that is allowed for. Larger: points end farther from the given ones than the distance. */
+/* Factor of the slack. The number of points of a packing within an area varies with the position of the
+ * lattice: its standard deviation is 0.17 to 0.33 times the square root of the number of cells on the border
+ * of the area. Larger: points are farther from the given ones than required. */
 static const double BORDER_VARIATION = 0.75;
-/* Another packing is made if points are missing, or if more than EXCESS_SLACKS times the slack are too
- * many; ROUNDS_MOST packings in all. */
+/* Another packing is made if points are missing, or if the excess is more than EXCESS_SLACKS times the
+ * slack. ROUNDS_MOST: maximum number of packings. */
 static const double EXCESS_SLACKS = 4;
 enum { ROUNDS_MOST = 4 };
-/* Rounding of coordinates to floats, relative. */
+/* Relative rounding error of coordinates stored as floats. */
 static const double FLOAT_ROUNDING = 0x1p-23;
 
 static const char what[] = "the points that are far enough from the given points";
@@ -37,7 +37,7 @@ static vec3 in_world(const source *from, vec3 x)
     return from->turned ? placement_to_world(from->turned, x) : x;
 }
 
-/* The number of points of a packing such that this share of them is `wanted` points. */
+/* Sets the number of points of a packing of which the fraction `share` is `wanted` points. */
 static bool set_packed(double wanted, double share, size_t *packed, error *e)
 {
     const double count = ceil(wanted / share);
@@ -51,11 +51,11 @@ static bool set_packed(double wanted, double share, size_t *packed, error *e)
     return true;
 }
 
-/* Samples of the surface, spread by area. */
+/* Counts of samples of the surface, which are uniform in area. */
 typedef struct sample_counts {
     size_t all;
     size_t far;    /* far enough from the given points */
-    size_t border; /* of these, within a spacing of the others */
+    size_t border; /* of these, those within a spacing of the others */
 } sample_counts;
 
 static bool sample_surface(const given_points *g, const spec *s, const source *from, const surface *scan,
@@ -111,8 +111,8 @@ static int compare_ranks(const void *a, const void *b)
     return (p->point > q->point) - (p->point < q->point);
 }
 
-/* Sorts the points, farthest first. *far: how many are far enough, also when their coordinates are rounded
- * to floats. */
+/* Sorts the points, farthest first. *far: number of points that are far enough, also after their coordinates
+ * are rounded to floats. */
 static bool rank_points(const given_points *g, const spec *s, const source *from, const vec3 *position,
                         size_t count, ranked *out, size_t *far, error *e)
 {
@@ -131,7 +131,7 @@ static bool rank_points(const given_points *g, const spec *s, const source *from
     return true;
 }
 
-/* Whether the packing has the points, or *packed is the number for another one. */
+/* Whether the packing is accepted. Otherwise *packed is the number of points of the next one. */
 static bool judge(avoided_points *a, const spec *s, size_t far, size_t count, size_t *packed, error *e)
 {
     const double most = (double)a->wanted + EXCESS_SLACKS * a->slack;

@@ -14,9 +14,9 @@
 
 typedef struct avoided_points {
     size_t wanted; /* points of the result; 0: all that are far enough */
-    double slack;  /* points that the packing has in addition, because the number of those that are far enough
+    double slack;  /* additional points of the packing, since the number of points that are far enough
                     * varies */
-    int rounds;    /* packings that had too few or too many */
+    int rounds;    /* number of packings that were made and had too few or too many points */
     /* Of the last packing: */
     bool *taken; /* per point: it is in the result; NULL: all are */
     size_t taken_count, packed_count;

@@ -22,11 +22,11 @@ static const double SHORTEST_S = 1e-3;
  * (measurements/inputs/estimates.py).
  * Time of a level of at least schedule.defects_count points, over the time of its minimum number of sweeps.
  * Most such levels take 3 times as many sweeps, but these have fewer guarded steps than those of coarser
- * levels, and converged points are skipped. Median over the meshes of measurements/inputs/estimates.md. Larger:
+ * levels, and converged points are skipped. Median over the meshes of measurements/inputs/estimated_time.csv. Larger:
  * longer estimates from 5 000 points. */
 static const double LONGER = 1.5;
 /* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000
- * points, meshes take 1.7 times as long as with 10 000 (median of measurements/meshes/meshes.md). Larger: longer
+ * points, meshes take 1.7 times as long as with 10 000 (median of measurements/meshes/counts.csv). Larger: longer
  * estimates from 50 000 points. */
 static const double PER_POINT = 30;
 /* Minimum number of points of the coarsest level (doc/method.md, multilevel schedule). */

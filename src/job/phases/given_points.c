@@ -15,10 +15,10 @@
  * triangles of a level set, is nearer. A point farther away belongs to another surface, or has other
  * units. */
 static const double MAX_DISTANCE = 0.1;
-/* Points of a solve, at least: fewer have no packing. */
+/* Minimum number of points of a solve: fewer do not form a packing. */
 enum { START_LEAST = 4 };
-/* Maximum distance of its projection onto the sampled surface, in spacings; a level set of a mesh may miss
- * thin parts. */
+/* Maximum displacement, in spacings, by the projection onto the sampled surface: the level set of a mesh may
+ * lack thin parts. */
 static const double MAX_DISPLACEMENT = 1;
 enum { GRAIN = 256 };
 
@@ -49,12 +49,12 @@ bool given_points_read(const spec *s, source *from, size_t memory_limit, given_p
 /* ---- on the surface */
 
 typedef struct place_job {
-    const field *field; /* onto which points are projected, if is_projected */
+    const field *field; /* field onto which points are projected, if is_projected */
     bool is_projected;
     given_points *g;
-    const mesh_projection *triangles; /* on which points are delivered; or NULL */
+    const mesh_projection *triangles; /* triangles on which points are delivered; or NULL */
     double h;
-    double *distance; /* per row, over h; INFINITY: no place of the surface was found */
+    double *distance; /* per row, over h; INFINITY: no position on the surface was found */
 } place_job;
 
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
@@ -106,7 +106,7 @@ static int compare_places(const void *a, const void *b, void *context)
     return order ? order : (i > j) - (i < j);
 }
 
-/* Drops points at the place of an earlier one: no force would separate their particles. */
+/* Removes points at the position of an earlier one: no force would separate their particles. */
 static bool drop_equal(given_points *g, error *e)
 {
     uint32_t *order = mem_array(g->count, sizeof *order, what, e);

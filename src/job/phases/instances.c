@@ -10,7 +10,7 @@
 #include "io/points/quaternion.h"
 #include "io/points/property.h"
 
-/* NULL: the spec names no attribute, or the points have no such one. */
+/* The attribute of a name. NULL: the spec names none, or the points lack it. */
 static const point_attribute *find(const points *set, const char *name)
 {
     return name ? property_find_attribute(set->attributes, set->attribute_count, name) : NULL;
@@ -37,7 +37,7 @@ bool instances_check(const spec *s, const points *set, error *e)
                            "a number, or a vector of three components", e);
 }
 
-/* From the seed and the id, so that a point of a sequence keeps its angle. */
+/* A random angle from the seed and the id: a point keeps its angle in all frames of a sequence. */
 static double random_angle(uint64_t seed, uint64_t id)
 {
     rng r = rng_seed(seed, id);

@@ -55,7 +55,7 @@ double job_particle_memory(const job *j)
            given_points_bytes(&j->given);
 }
 
-/* Whether points are moved onto the surface and others are inserted between them. */
+/* Whether the points of the previous frame are transferred, or given points are kept. */
 static bool carries_points(const job *j)
 {
     return j->options->previous != NULL || (j->spec->has_points && j->spec->points.mode == SPEC_POINTS_KEEP);
@@ -237,7 +237,8 @@ bool job_survey(job *j, error *e)
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan) return source_prefix_origin(&j->source, e);
     if (!find_curves(j, e)) return false;
-    if (j->spec->time_s > 0) return fits_memory(j, COST_MODEL_FIRST, e); /* the first of several runs */
+    /* the count of the first of several runs */
+    if (j->spec->time_s > 0) return fits_memory(j, COST_MODEL_FIRST, e);
     double wanted = 0;
     if (j->spec->resolve) {
         if (!make_sizing(j, 0, &j->by_features, e)) return false;
@@ -300,7 +301,7 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     return NULL;
 }
 
-/* Puts the given points that are kept among the points of a packing by levels, whose points near them are
+/* Merges the given points that are kept with a packing by levels; points of the packing near them are
  * removed. */
 static bool place_around_kept(job *j, const solver_params *params, frame_transfer_params carry,
                               frame_transfer *out, error *e)
@@ -384,7 +385,7 @@ bool job_place(job *j, solution *out, error *e)
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
-        /* 0 would be no limit */
+        /* 1 instead of 0, which means no limit */
         .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1),
         .start = s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM : SOLVER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
@@ -483,7 +484,7 @@ bool job_choose_points(job *j, bool *again, error *e)
     return fits_memory(j, (double)packed, e) && job_place(j, &j->solution, e);
 }
 
-/* The closed mesh that has to be resolved by the triangles between the points; otherwise NULL. */
+/* The closed mesh that the triangles between the points have to represent (`resolve`); otherwise NULL. */
 static const mesh *mesh_to_resolve(const job *j)
 {
     return j->spec->resolve ? source_closed_mesh(&j->source) : NULL;
@@ -631,7 +632,7 @@ static bool turn_points(const source *from, const given_points *given, points *s
     return true;
 }
 
-/* Which points were given, in the order of the results; NULL: none. */
+/* Marks the points that were given, in the order of the results. NULL: none. */
 static bool find_kept(const job *j, const point_order *order, size_t count, bool **out, error *e)
 {
     if (!j->given.kept) return true;

@@ -7,7 +7,7 @@
 #include "base/json/json.h"
 #include "files/file.h"
 
-/* Appends a file whose bytes and hash follow (outputs_put_facts). */
+/* Appends a file; its size and hash are added later (outputs_put_facts). */
 json *outputs_add(json *outputs, const char *name);
 void outputs_put_facts(json *output, const store_facts *facts);
 

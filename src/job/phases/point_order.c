@@ -72,7 +72,7 @@ static bool order_by_id(const points *set, uint32_t *order, error *e)
     return true;
 }
 
-/* Points that are kept in the order of their rows, then the others. `row` NULL: none is kept. */
+/* Sorts the points that are kept by their rows, followed by the other points. `row` NULL: none is kept. */
 static void order_by_row(const uint32_t *row, size_t count, uint32_t *order)
 {
     size_t next = 0;
@@ -112,8 +112,8 @@ bool point_order_find(const spec *s, const points *set, const solver_points *sol
     return ok;
 }
 
-/* The arrays of a set, and the bytes of an element. The array with elements of 4 bytes is the last one, so
- * that all are aligned. */
+/* The arrays of a set, with their bytes per element. The array with elements of 4 bytes is the last one, so
+ * that all arrays are aligned. */
 static const struct {
     size_t member, size;
 } arrays[] = {

@@ -134,8 +134,9 @@ static double largest_rounding(const points *set, vec3 origin, double h, threads
     return worst;
 }
 
-/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence with a smaller
- * motion mostly share it; programs that interpolate translations between frames then change none. */
+/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence that move less
+ * mostly have the same origin, so that programs that interpolate translations between frames do not change
+ * it. */
 static vec3 origin_of(const points *set)
 {
     bbox box = bbox_empty();
@@ -200,7 +201,7 @@ static bool write_formats(const char *directory, const results_input *in, const 
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
     const scene place = {in->y_up,  origin,        NULL,           frames.count,
                          in->frame, frames.frames, frames.folders, frames.below};
-    scene instanced = place; /* instances always have an origin: that of the job, or origin_of */
+    scene instanced = place; /* instances always have an origin: that of the scene, or origin_of */
     if (in->instancer) {
         instanced.instancer = in->instancer;
         if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
@@ -323,8 +324,8 @@ static bool triangulate(const results_input *in, const triangulation_input *site
     return false;
 }
 
-/* Corners that are points in the order of the solver become points in the order of the outputs. The least
- * comes first, as triangulation.h has it. */
+/* Replaces indices in the order of the solver by indices in the order of the outputs. The lowest index of a
+ * triangle comes first, as in triangulation.h. */
 static void renumber(triangulation *made, const uint32_t *place)
 {
     for (size_t k = 0; k < made->facts.triangles; k++) {
@@ -389,7 +390,8 @@ static bool has_attribute(const points *set, const char *name)
  * over the velocity between frames), Cd the color. */
 static vdb_point_values *name_values(const points *set, bool *has_velocity)
 {
-    vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values); /* and the rows */
+    /* one more: the row numbers */
+    vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values);
     bool has_color = has_attribute(set, "Cd");
     *has_velocity = has_attribute(set, "v");
     for (size_t k = 0; k < set->attribute_count; k++) {

@@ -98,7 +98,7 @@ static bool remember(sequence *s, const frame_transfer *c, error *e)
 {
     size_t n = c->count;
     s->died = c->died;
-    if (n == 0) return true; /* treated as a first frame */
+    if (n == 0) return true; /* the previous frame has no points: this one is treated as a first frame */
     if (!(s->start = mem_array(n, sizeof *s->start, what, e)) ||
         !(s->origin = mem_array(n, sizeof *s->origin, what, e)) ||
         !(s->id = mem_array(n, sizeof *s->id, what, e)))

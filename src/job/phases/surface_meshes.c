@@ -22,7 +22,7 @@ static size_t count_meshes(const spec_surface *s)
     return count;
 }
 
-/* Opens the meshes of a part, which `m` moves to the world, and adds them to the list. */
+/* Opens the meshes of a part and adds them to the list. `m`: from the space of the part to world space. */
 static bool open_part(const spec_surface *s, const double m[3][4], source *from, surface_meshes *out,
                       error *e)
 {

@@ -39,7 +39,8 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
     return true;
 }
 
-/* The results of the first run are written, to measure the time of writing. */
+/* Runs with an increasing number of points. The results of the first run are written, to measure the time of
+ * writing. */
 bool time_target_fill(job *j, error *e)
 {
     double memory = job_particle_memory(j) / job_bytes_per_particle(j) * TWO_RUNS, write_s = 0;

@@ -10,7 +10,8 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 
-/* A job must end within 100 ms of a request; the kernel needs a good part of it to free the memory. */
+/* GLANCE_MS: interval of the checks. PATIENCE_MS: time after a request to stop before `leave` is called. A
+ * job must end within 100 ms, of which the kernel needs a large part to free the memory. */
 static const int64_t GLANCE_MS = 10, PATIENCE_MS = 20;
 static const size_t STACK_BYTES = 256 * 1024; /* a default stack may not fit under a limit of address space */
 

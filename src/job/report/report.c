@@ -68,10 +68,10 @@ typedef struct thin_walls {
     bool of_surface;
 } thin_walls;
 
-/* On curved walls the distance of two points from their tangent planes is far from the thickness, so rays
- * between the walls measure it, as before the job. They can take longer than the job, so they are traced only
- * where the points show thin walls, or are too few. The walls of an unresolved result are thinner than the
- * smallest distance that rays measure. */
+/* Measures the walls thinner than the spacing. On curved walls the distance of two points from their tangent
+ * planes differs from the thickness. Therefore rays between the walls measure it, as before the job. They
+ * can take longer than the job, and are traced only if the points indicate thin walls, or are too few. The
+ * walls of an unresolved result are thinner than the smallest distance that rays measure. */
 static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
     const size_t count = solver_result_points(facts->solver)->count;
@@ -367,7 +367,7 @@ static void put_target(json *report, const report_facts *facts)
     }
 }
 
-/* What describes the solve and not its result. */
+/* Adds the members that describe the solve and not its result. */
 static void put_diagnostics(json *object, const report_facts *facts)
 {
     const solver_points *solved = solver_result_points(facts->solver);

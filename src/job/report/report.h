@@ -41,7 +41,7 @@ typedef struct report_facts {
     const json *attribute_warnings; /* an array of texts */
     const surface *scan;
     const sizing_field *sizing;        /* or NULL */
-    const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
+    const scaled_curvature *curvature; /* curvature for sampling.alpha, or NULL */
     const solver *solver;
     size_t count; /* points of the result */
     const measures *measures;

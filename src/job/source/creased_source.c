@@ -11,10 +11,10 @@ static const double HERE[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
 typedef struct walk {
     solid *solid;
     solid_rule *rule;
-    const field *open; /* a leaf that ends at its domain */
+    const field *open; /* a leaf whose surface is open; or NULL */
     double open_to_world[3][4];
     size_t leaves;
-    bool ends_within; /* the region is of several surfaces, of which one is open */
+    bool ends_within; /* the region is a combination in which a surface is open */
 } walk;
 
 static void push_leaf(walk *w, const source_part *part, const double to_world[3][4], bool inverted)

@@ -15,7 +15,7 @@
 typedef struct grid_slices {
     slices base; /* first: the slices' functions get this pointer */
     const vdb_voxels *voxels;
-    int32_t origin[3], at; /* the next slice */
+    int32_t origin[3], at; /* index of the next slice */
 } grid_slices;
 
 static bool grid_begin(slices *base, error *e)
@@ -79,7 +79,7 @@ static bool open_voxels(void *context, const vdb_voxels *voxels, error *e)
     return v->opened != NULL;
 }
 
-/* The grid that is named, or the only one of whole numbers. */
+/* Finds the named grid, or the only grid of whole numbers. */
 static bool find_grid(const vdb_listing *l, const char *name, size_t *index, error *e)
 {
     size_t found = 0;

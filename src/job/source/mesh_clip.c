@@ -6,7 +6,7 @@
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 
-/* Corners of a triangle that six planes have cut. */
+/* Maximum corners of a triangle that is clipped at six planes. */
 enum { MOST_CORNERS = 9 };
 
 typedef struct clipping {
@@ -33,7 +33,7 @@ static bool comes_before(vec3 a, vec3 b)
     return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
 }
 
-/* Where a side meets the plane: the same from either end. */
+/* Intersection of a side with the plane; equal to the last bit for both directions of the side. */
 static vec3 meet(vec3 a, vec3 b, int axis, double at)
 {
     if (comes_before(b, a)) return meet(b, a, axis, at);
@@ -43,8 +43,8 @@ static vec3 meet(vec3 a, vec3 b, int axis, double at)
     return out;
 }
 
-/* Keeps what is above `at` along the axis, or below. Source: Sutherland and Hodgman 1974, "Reentrant
- * Polygon Clipping". */
+/* Keeps the part of the polygon above `at` along the axis, or below it. Source: Sutherland and Hodgman 1974,
+ * "Reentrant Polygon Clipping". */
 static int cut(vec3 corner[MOST_CORNERS], int count, int axis, double at, bool above)
 {
     vec3 kept[MOST_CORNERS];

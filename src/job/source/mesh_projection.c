@@ -9,10 +9,10 @@
 #include "surface/levelset/mesh_faces.h"
 #include "sampling/packing/neighbours.h"
 
-/* Tolerance, as a share of the extent, within which a point is on a face of the region. */
+/* Tolerance, as a fraction of the extent, for points on a face of the region. */
 static const double ON_FACE = 1e-9;
-/* Maximum steps of the alternating projection onto a face of the region and the triangles, which meet at
- * any angle. */
+/* Maximum steps of the alternating projection onto a face of the region and onto the triangles; the
+ * convergence depends on their angle. */
 static const int MOST_STEPS = 100;
 /* In spacings: a point that moves farther than FAR_MOVE may come close to another point. Points nearer than
  * NEAR are moved apart, in at most APART_ROUNDS rounds. */
@@ -38,8 +38,8 @@ static bool find_in_part(const source_part *p, size_t k, vec3 x, bool any, vec3 
     return true;
 }
 
-/* The place for x of the part's surface: on the triangles that look its way; or the nearest of all its
- * surfaces. False where it has none. */
+/* Finds the place for x on the surface of a part: on the triangles that face the way of its normal, or the
+ * nearest place of all surfaces (`any`). False: there is none. */
 static bool find_place(const source_part *p, vec3 x, bool any, vec3 *out)
 {
     if (p->part_count > 0 && !any) return find_in_part(p, source_nearest_part(p, x), x, any, out);
@@ -73,8 +73,7 @@ static bool sample_distance(const field *f, vec3 x, field_order order, field_sam
 {
     const source *s = ((const mesh_projection *)f)->source;
     vec3 place;
-    if (s->turned)
-        x = placement_to_part(s->turned, x); /* by a translation, which keeps distances and normals */
+    if (s->turned) x = placement_to_part(s->turned, x); /* a translation preserves distances and normals */
     if (!find_place(&s->whole, x, true, &place)) return field_sample_at(s->field, x, order, out);
     const vec3 off = vec3_sub(x, place);
     const double distance = vec3_norm(off);
@@ -101,7 +100,7 @@ bool mesh_projection_find_distance(const source *s, mesh_projection *out)
     return begin(s, s->whole.mesh || s->whole.labels || has_faces(&s->whole), out);
 }
 
-/* A place within the region, and on those of its faces that x is on. */
+/* Clamps a place to the region, and keeps it on the faces on which x lies. */
 static vec3 hold(const field *f, vec3 x, vec3 place)
 {
     for (int axis = 0; f->open && axis < 3; axis++) {
@@ -131,8 +130,8 @@ typedef struct moving {
     const mesh_projection *l;
     vec3 *place;
     const double *spacing;
-    double *largest; /* of each chunk */
-    bool *far;       /* of each chunk: some place moved by more than FAR_MOVE */
+    double *largest; /* per chunk */
+    bool *far;       /* per chunk: a place moved by more than FAR_MOVE */
 } moving;
 
 static void move_chunk(void *context, int worker, size_t begin, size_t end)
@@ -150,8 +149,8 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
     m->largest[begin / GRAIN] = largest;
 }
 
-/* By which place i leaves those that are too near; of two at one place the one of the lower number goes
- * along x. */
+/* The displacement that moves place i away from places that are too close. If two places coincide, the one
+ * with the lower index moves along x. */
 static vec3 way_out(const moving *m, const neighbours *near, size_t i)
 {
     vec3 way = {0, 0, 0};
@@ -166,7 +165,7 @@ static vec3 way_out(const moving *m, const neighbours *near, size_t i)
     return way;
 }
 
-/* Moves apart what is too near, once; *moved: whether anything was. */
+/* Moves places that are too close apart, once. *moved: a place was moved. */
 static bool move_apart(const moving *m, size_t count, threads *pool, bool *moved, error *e)
 {
     neighbours *near = neighbours_new(count, SIZE_MAX, e);

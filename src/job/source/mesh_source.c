@@ -17,24 +17,25 @@
 #include "io/meshes/mesh_file.h"
 #include "geometry/space/packing.h"
 
-/* The longest side of a cell: the spacing, but of few points less, so that normals and sizes are seen. */
-static const double least_cells = 32; /* along the longest side of the mesh */
-/* Of a mesh that is to be resolved: few places ask for the least spacing, which is this share of the longest
- * side unless the spec says otherwise, or of a finer mesh a quarter of its triangles' side: this share of
- * their area's root. A scan bends by a triangle's side, and with a third of it the ends of a dragon's
- * thorns are missed by half the spacing. */
+/* Maximum edge of a cell: the spacing, but at most the longest side of the mesh over least_cells, so that
+ * normals and sizes are known accurately with few points, too. */
+static const double least_cells = 32;
+/* Cells of a mesh that is to be resolved. If the spec gives no spacing, the edge is the smaller of two
+ * values: own_floor times the longest side of the mesh, and triangle_floor times the root of the mean area
+ * of its triangles, a quarter of their side. It is limited from below, so that there are at most about
+ * most_cells cells. (With a third of the side, the ends of the horns of a scanned dragon are missed by half
+ * the spacing.) */
 static const double most_cells = 6.25e5, own_floor = 1.0 / 256, triangle_floor = 0.4;
-/* In longest sides of a mesh: a mesh farther from the origin is moved, with its middle at the origin. Doubles
- * lose 3 of 16 digits at this distance; a mesh of usual coordinates is not moved. */
+/* In longest sides of the mesh: if its distance from the origin exceeds this, the mesh is moved to the
+ * origin. Doubles lose 3 of 16 digits at this distance. */
 static const double FAR_AWAY = 1000;
-/* Share of the area that may be missing; with more the outcome would be unresolved. */
+/* Maximum fraction of the area that may be missing: with more, the outcome is `unresolved`. */
 static const double most_missing = 0.01;
-/* Feature angle, in radians, of a mesh that is to be resolved and has no other sharp edges. A side of h that
- * cuts off an edge bent by this misses it by a quarter of h, and by a third where the side is as long as
- * any. */
+/* Feature angle, in radians, of a mesh that is to be resolved and has no other sharp edges. A side of length
+ * h that cuts off an edge with this angle deviates from it by at least h / 4, and by at most h / 3. */
 static const double cut_angle = 1.1;
-/* Shares of the area of a closed mesh: with more than most_hidden inside of its solids it is a level set,
- * unless the spec says otherwise; with more than shown_hidden there is a warning. */
+/* Fractions of the area of a closed mesh that are inside its solids. Above most_hidden the mesh is converted
+ * to a level set, unless the spec requires otherwise; above shown_hidden there is a warning. */
 static const double most_hidden = 0.01, shown_hidden = 0.001;
 
 /* The spacing of the requested points; 0: unknown before features are computed. */
@@ -67,7 +68,7 @@ static bool asks_for_volume(const mesh_source_request *r)
  * sets. */
 static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, mesh_notes *notes, error *e)
 {
-    static const double surely = 5; /* times: a share that is estimated from a thousand places */
+    static const double surely = 5; /* safety factor: the fraction is estimated from a thousand places */
     double thin;
     if (!fidelity_thin(m, voxel_size_begin(m, &r->as_volume.resolution).finest, &thin, e)) return false;
     *out = thin > surely * most_missing;
@@ -75,7 +76,7 @@ static bool is_tangled(const mesh_source_request *r, const mesh *m, bool *out, m
     return true;
 }
 
-/* Whether a closed mesh is sampled on its triangles, as far as what it hides decides that. */
+/* Decides from the area inside the solids whether a closed mesh is sampled on its triangles (*out). */
 static bool shows_enough(const mesh_source_request *r, const mesh_patches *p, bool *out, mesh_notes *notes,
                          error *e)
 {
@@ -105,8 +106,8 @@ static bool wants_patches(const mesh_source_request *r, const mesh_patches *p, b
     return *out || asks_for_volume(r) || shows_enough(r, p, out, notes, e);
 }
 
-/* The mesh of a file, welded once for all that is made of it where that is possible: its edges are known
- * then. */
+/* The mesh of a file. It is welded once for all surfaces made of it, if possible; then its edges are
+ * known. */
 typedef struct welded {
     mesh m;
     mesh_edges edges;
@@ -117,7 +118,7 @@ static const mesh_edges *edges_of(const welded *w)
     return w->m.welded ? &w->edges : NULL;
 }
 
-/* Makes the surface of the mesh as it is, or as it is placed and cut. */
+/* Makes the patches of the mesh, or (`placed`) of the transformed and cut mesh. */
 static bool make_patches(const mesh_source_request *r, const welded *w, double feature_angle, bool placed,
                          mesh_notes *notes, mesh_patches *made, error *e)
 {
@@ -139,8 +140,8 @@ static bool make_patches(const mesh_source_request *r, const welded *w, double f
     return false;
 }
 
-/* A closed mesh that is to be resolved and has no other sharp edges is cut at those that its spacing would
- * leave out. */
+/* If a closed mesh is to be resolved and has no feature edges, cuts it at edges bent by cut_angle, which its
+ * spacing would not represent. */
 static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_notes *read,
                       mesh_patches *given, mesh_notes *notes, error *e)
 {
@@ -155,8 +156,8 @@ static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* *made stays empty where the mesh is to be a level set. `thin`: it was tried, and shows too little, or
- * encloses no volume. */
+/* Decides whether the mesh is sampled on its triangles: *made is empty if it becomes a level set. `thin`: a
+ * level set was tried, and represents too little or encloses no volume. */
 static bool choose_patches(const mesh_source_request *r, const welded *w, bool thin, mesh_notes *notes,
                            mesh_patches *made, error *e)
 {
@@ -190,11 +191,11 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
 
 static const char what[] = "the edges of the mesh";
 
-/* A set of open edges that hang together by vertices. */
+/* A connected set of open edges. */
 typedef struct hole {
-    vec3 sum; /* of the ends of its edges */
+    vec3 sum; /* sum of the ends of its edges */
     size_t ends;
-    uint32_t middle; /* the vertex to come */
+    uint32_t middle; /* index of the new vertex */
 } hole;
 
 static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, uint32_t *set, hole *of_root)
@@ -211,9 +212,9 @@ static size_t gather_holes(const mesh *m, const seam_edge *open, size_t count, u
     return holes;
 }
 
-/* Closes what is open: the open edges that hang together get a vertex in their middle, and each a triangle to
- * it, so that an even number of triangles meets at every new edge. *holes: how many there were. Errors:
- * limit_memory; the mesh is untouched then. */
+/* Closes the holes of a mesh: each connected set of open edges gets a vertex in its centre, and each of its
+ * edges a triangle to it, so that an even number of triangles meets at each new edge. *holes: their number.
+ * Errors: limit_memory; the mesh is unchanged then. */
 static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *e)
 {
     seam_edge *open = NULL;
@@ -250,12 +251,12 @@ static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *
     return ok;
 }
 
-/* Makes a copy of a mesh that encloses a volume, as far as that takes no more than filling its holes. */
+/* Makes a closed copy of a mesh by filling its holes. *out is empty if that is not sufficient. */
 static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out, mesh_notes *notes, error *e)
 {
     mesh_edges own = {0};
     const mesh_edges *edges = NULL;
-    mesh_notes unused = {0}; /* the level set notes the same */
+    mesh_notes unused = {0}; /* dropped: the level set adds the same notes */
     size_t holes = 0;
     bool ok = mesh_copy(&w->m, r->as_volume.pool, out, e) &&
               mesh_weld(out, MESH_DROP_IF_CLOSED, &unused, e) &&
@@ -268,7 +269,7 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
     return ok;
 }
 
-/* ---- the whole */
+/* ---- public functions */
 
 static volume *open_level_set(const mesh_source_request *r, const welded *w, const mesh_notes *read, error *e)
 {
@@ -286,9 +287,9 @@ static volume *open_level_set(const mesh_source_request *r, const welded *w, con
     return v;
 }
 
-/* Why the triangles are sampled where a level set was tried, as a note; NULL: they are not. A level set with
- * voxels of our choice, or the lack of one, may leave out more than may be missing of a surface. Patches are
- * cut where faces overlap, and closed then, which a level set is not. */
+/* After a level set was tried: the reason, as a note, why the triangles are sampled instead; NULL: they are
+ * not. A level set with automatic voxels, or none, may represent less of the surface than is permitted.
+ * Patches are also cut where faces overlap, which can close the mesh; a level set is not cut. */
 static const char *why_triangles(const mesh_source_request *r, const volume *v, const error *e)
 {
     const spec_mesh *s = r->spec;
@@ -301,7 +302,7 @@ static const char *why_triangles(const mesh_source_request *r, const volume *v, 
     return NULL;
 }
 
-/* Adds to the error about an open mesh why it must be closed. */
+/* Adds the reason why the mesh must be closed to the error about an open mesh. */
 static void explain_closed(error *e)
 {
     const size_t used = strlen(e->message);
@@ -346,9 +347,9 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
     return true;
 }
 
-/* The middle along an axis along which the mesh is farther from the origin than FAR_AWAY times its longest
- * side; else 0. There all coordinates are within a factor of 2 of the middle, so that the difference is
- * exact (Sterbenz). */
+/* The origin to subtract: along each axis along which the mesh is farther from the origin than FAR_AWAY
+ * times its longest side, the middle of its box; otherwise 0. There all coordinates are within a factor of 2
+ * of the middle, so that the difference is exact (Sterbenz). */
 static vec3 far_origin(const mesh *m, threads *pool)
 {
     const bbox box = mesh_box(m, pool);

@@ -9,26 +9,27 @@
 /* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350
  * while the result is measured; lists of over-dense particles are longer. */
 static const double BYTES_PER_PARTICLE = 400;
-/* For the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
- * kB. */
+/* The same for the method of Witkin and Heckbert, in which the largest radius determines the length of all
+ * lists: measured 2.1 and 4.7 kB. */
 static const double BYTES_PER_WITKIN_HECKBERT_PARTICLE = 5000;
-/* For a mesh: two triangles, six corners of the points' one-rings, and the triangles once more while the
+/* Bytes per vertex of a mesh: two triangles, six corners of one-rings, and the triangles again while the
  * array grows. */
 static const double BYTES_PER_VERTEX = 120;
-/* For a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
+/* Bytes per point of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
 static const double BYTES_PER_GRID_POINT = 200;
-/* For a frame with transferred points: places for births and their lists, besides the previous points. */
+/* Bytes per point of a frame with transferred points: candidate places for births and their lists, and the
+ * previous points. */
 static const double BYTES_PER_CARRIED = 800;
-/* Memory of defect repair: per particle, for lists and Voronoi cells; and for the regions that are tried
- * together. */
+/* Memory of defect repair: bytes per particle for lists and Voronoi cells, and bytes of the regions that are
+ * processed together. */
 static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
-/* With more particles than this defect repair makes no pass (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
+/* Maximum number of particles for defect repair (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double REPAIRED_MAX = 2.4e6;
-/* For points in another order than the solver's: a second copy of their arrays. */
+/* Bytes per point if the order differs from that of the solver: a second copy of the arrays. */
 static const double BYTES_PER_ORDERED = 150;
-/* Orientations and scales of instances. */
+/* Bytes per point for orientations and scales of instances. */
 static const double BYTES_PER_INSTANCE = 56;
-/* For each pixel of the preview: two pictures, and what each shows. */
+/* Bytes per pixel of the preview: two pictures, and the data of the pixels. */
 static const double BYTES_PER_PIXEL = 15;
 
 static const double MIB = 1 << 20; /* bytes */
@@ -55,12 +56,12 @@ double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 
 double plan_bytes_per_particle(const spec *s, bool is_continued)
 {
-    /* one after the other */
+    /* these are allocated one after the other: the maximum counts */
     double more =
         fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->points_in[FILE_FORMAT_VDB] ? BYTES_PER_GRID_POINT : 0);
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
-        more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
+        more = fmax(more, BYTES_PER_PARTICLE); /* two solves at the same time */
     if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
     if (s->has_orient || s->has_instancer) more += BYTES_PER_INSTANCE;
     if (s->has_order) more += BYTES_PER_ORDERED;
@@ -68,7 +69,7 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
                                                             : BYTES_PER_PARTICLE);
 }
 
-/* Rounded to three digits, up or down. */
+/* Rounds to three digits, up or down. */
 static double rounded(double value, bool up)
 {
     const double unit = pow(10, floor(log10(value)) - 2);
@@ -93,13 +94,13 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
         ceil((limit + particles - memory) / MIB), fewer);
 }
 
-/* Error: the target, which is not a count, gives too few or too many points. It names the value that gives
- * the least or the largest count. */
+/* Sets the error that the target, which is not a count, gives too few or too many points; it names the value
+ * for the minimum or maximum count. */
 static bool refuse_count(const spec *s, double area, double count, error *e)
 {
     const bool high = count > PLAN_COUNT_MAX, by_density = !(s->spacing > 0) && s->density > 0;
     const double bound = high ? PLAN_COUNT_MAX : PLAN_COUNT_MIN, spacing = packing_spacing(area, bound);
-    const bool smallest = high != by_density; /* the bound is the smallest value that is allowed */
+    const bool smallest = high != by_density; /* the bound is the smallest permitted value */
     return error_set(
         e, ERROR_SPEC_INVALID,
         "%s: %g gives %.0f points on the area of %g, and at %s %.0f are allowed: set it to at %s %.3g, in the "
@@ -132,7 +133,7 @@ bool plan_count(const spec *s, double area, double points, size_t *out, error *e
     if (s->spacing > 0) count = round(packing_count(area, s->spacing));
     if (s->density > 0) count = round(s->density * area);
     if (s->resolve) count = round(points);
-    /* the packing whose support is max_sigma; "paper" gets there by itself */
+    /* the count for which max_sigma is the support of the packing; the method "paper" reaches it by itself */
     if (s->has_control)
         count =
             fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));

@@ -23,16 +23,16 @@
  */
 static const double ANGLE_ROUNDING = 1e-6;
 
-/* Margins, as shares of the longest side, by which an unbounded surface is computed beyond a region, so that
- * the region cuts it. They differ at the two ends, so that no planes through a region's middle lie on corners
- * of cells: areas beside edges in them are 3e-3 too small. */
+/* Margins, as fractions of the longest side, by which an unbounded surface extends beyond a region, so that
+ * the region cuts it. They differ at the two ends, so that planes through the middle of a region contain no
+ * corners of cells: the areas at edges in such planes would be 3e-3 too small. */
 static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
 
-/* How often cells of a combination are halved in thin walls, and of one within another, whose cells they
- * bind. */
+/* Maximum number of times that the cells of a combination are halved in thin walls; for a combination within
+ * another one, whose cells become as small. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
-/* Waits for the hash of the input that was opened last: no other is under way. */
+/* Waits for the hash of the last opened input; no other hash is in progress. */
 static bool settle_hash(source *s, error *e)
 {
     late_hash *h = s->hash;
@@ -40,7 +40,8 @@ static bool settle_hash(source *s, error *e)
     return late_hash_end(h, h ? &s->inputs[s->input_count - 1].facts : NULL, e);
 }
 
-/* The input of this path if it was opened before. One beside others is opened in their order. */
+/* The input with this path if it was opened before. Inputs that are hashed while they are read are opened
+ * one after the other. */
 static source_input *find_input(source *s, const char *path)
 {
     size_t k = s->input_count;
@@ -48,7 +49,8 @@ static source_input *find_input(source *s, const char *path)
     return k ? &s->inputs[k - 1] : NULL;
 }
 
-/* Opens an input; the first time it is noted, and its hash begun. Returns a descriptor, or -1. */
+/* Opens an input. The first time it is added to the list, and its hash is started. Returns a descriptor, or
+ * -1. */
 static int open_input(void *context, const char *path, error *e)
 {
     source *s = context;
@@ -74,8 +76,8 @@ static int open_input(void *context, const char *path, error *e)
     return -1;
 }
 
-/* The same of a path that may be that of a directory, whose files are opened below *tree. -1: an error, or
- * a directory. */
+/* As open_input, for a path that may be a directory, whose files are then opened below *tree. -1: an error,
+ * or a directory. */
 static int open_file_or_tree(source *s, const char *path, store_tree **tree, error *e)
 {
     bool is_directory = false;
@@ -107,7 +109,7 @@ static int open_in_tree(void *context, const char *path, bool *is_missing, error
     return store_tree_open(context, path, is_missing, e);
 }
 
-/* Directories have been read. */
+/* Finishes the hashes and identities of directories after their files were read. */
 static void settle_trees(source *s)
 {
     for (size_t k = 0; k < s->input_count; k++) {
@@ -136,7 +138,7 @@ static analytic_shape shape_of(spec_shape shape)
     return shapes[shape];
 }
 
-/* What is grown by the rounding; nothing for other shapes. */
+/* The core that is grown by the rounding; zero for other shapes. */
 static analytic_frustum core_of(const spec_analytic *a)
 {
     double r = a->rounding, half = 0.5 * a->height;
@@ -152,22 +154,23 @@ static analytic_frustum core_of(const spec_analytic *a)
     }
 }
 
-/* What opening a surface needs beside its spec. */
+/* Parameters for opening a surface, in addition to its spec. */
 typedef struct opening {
     size_t memory;
     isa kernels;
     threads *pool;
-    source *source; /* for its inputs, and what it holds already */
+    source *source; /* receives the inputs; memory that it uses already is subtracted from the limit */
     const spec *spec;
-    size_t leaves; /* formulas, volumes and meshes among which the points are shared */
+    size_t leaves; /* number of leaves (formulas, volumes and meshes), among which the points are
+                    * distributed */
     bbox bounds;   /* bounds of half-spaces, in the space of the current part */
-    bool direct;   /* the part at hand is all of the surface, or all of what is placed */
-    bool placed;   /* by this, in the world; of direct parts alone */
+    bool direct;   /* the current part is the whole surface, or the only part of transforms of the whole */
+    bool placed;   /* to_world applies: the current part is transformed; only if `direct` */
     double to_world[3][4];
-    const char *where; /* JSON Pointer of the part at hand */
+    const char *where; /* JSON Pointer of the current part */
 } opening;
 
-/* Parts deeper than this are named by the beginning of their pointer. */
+/* Longer pointers are truncated in messages. */
 enum { POINTER_SIZE = 256 };
 
 static size_t memory_left(const opening *o)
@@ -190,7 +193,7 @@ static void close_part(source_part *p)
     free(p->nothing);
 }
 
-/* After an error that says so: the solid of the part is empty. */
+/* Sets out->nothing from the error: the solid of the part is empty. */
 static bool nothing_left(const opening *o, source_part *out, error *e)
 {
     error_prefix(e, "%s", o->where);
@@ -198,7 +201,7 @@ static bool nothing_left(const opening *o, source_part *out, error *e)
     return false;
 }
 
-/* The shape at a distance, where its formula is one of distances. */
+/* Offsets a shape whose formula is a distance. */
 static bool offset_shape(analytic_params *p, double by, error *e)
 {
     double least = fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z)), size;
@@ -216,7 +219,7 @@ static bool offset_shape(analytic_params *p, double by, error *e)
         p->half_size = vec3_add(p->half_size, vec3_make(by, by, by));
         p->rounding = fmax(p->rounding + by, 0);
         break;
-    case ANALYTIC_FRUSTUM: /* inwards the rounding goes first, then the core */
+    case ANALYTIC_FRUSTUM: /* inwards: reduces the rounding first, then the core */
         p->rounding += by;
         size = p->rounding >= 0 || analytic_shrink(&p->core, -p->rounding);
         p->rounding = fmax(p->rounding, 0);
@@ -282,8 +285,9 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
     return volume_open(&request, e);
 }
 
-/* Whether a mesh is all of the surface, and the job names no place in its space but a box: then its space may
- * have another origin. Errors about a mesh whose interior is dropped name positions. */
+/* Whether the sampled space may have another origin than the world: the mesh is the whole surface, and the
+ * job has no positions in its space except a box. Not if the interior is dropped, because errors about such
+ * a mesh contain positions. */
 static bool may_move(const spec_mesh *m, double offset, const opening *o, const source_part *out)
 {
     const spec *s = o->spec;
@@ -322,7 +326,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
     return mesh_source_open(&request, &out->volume, &out->mesh, &o->source->origin, &out->notes, e);
 }
 
-/* Takes over the slices, which may be NULL. */
+/* Takes ownership of the slices, which may be NULL. */
 static volume *open_dense(slices *from, const char *path, double isovalue, spec_reconstruction how,
                           const opening *o, error *e)
 {
@@ -344,7 +348,7 @@ static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, stor
     const slices_files files = {open_input, o->source};
     const slices_directory directory = {open_in_tree, tree};
     const bbox cut = {o->spec->region.min, o->spec->region.max};
-    /* the region is one of the world, where parts that are placed are not yet */
+    /* the region is in world space; transformed parts are not in world space yet */
     const bool is_cut = o->direct && !o->placed && o->spec->has_region && !o->spec->region_inside;
     const volume_file file = {.fd = fd,
                               .path = v->path,
@@ -373,7 +377,7 @@ exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
                               .files = files};
 }
 
-/* `exr_alone`: other images are refused. */
+/* Opens a stack of images. `exr_alone`: other formats are refused. */
 static volume *open_images(const spec_exr *x, bool exr_alone, double isovalue, spec_reconstruction how,
                            const opening *o, error *e)
 {
@@ -384,8 +388,8 @@ static volume *open_images(const spec_exr *x, bool exr_alone, double isovalue, s
     return open_dense(from, x->path, isovalue, how, o, e);
 }
 
-/* Rims lie on faces of boxes along the axes of the space that is sampled; oblique data must not end within
- * `box`.
+/* Checks the ends of dense data. Boundaries must lie on faces of axis-aligned boxes of the sampled space:
+ * oblique data must not end within `box`.
  */
 static bool check_ends(const volume *v, bbox box, const char *path, error *e)
 {
@@ -401,7 +405,8 @@ static bool check_ends(const volume *v, bbox box, const char *path, error *e)
         path, loose, clear.min.x, clear.min.y, clear.min.z, clear.max.x, clear.max.y, clear.max.z);
 }
 
-/* Data that end obliquely are sampled along their own axes, unless the job names places in the world's. */
+/* Rotates the sampled space to the axes of data that end obliquely, unless the job has positions in world
+ * space. */
 static void align_ends(const spec *s, source *out)
 {
     double to_world[16];
@@ -412,7 +417,7 @@ static void align_ends(const spec *s, source *out)
     if (volume_align(v, to_world)) out->turned = placement_new_view(volume_field(v), to_world);
 }
 
-/* The interfaces of a segmentation, all of the surface. */
+/* Opens the interfaces of a segmentation; they must be the whole surface. */
 static bool open_labels(const spec_surface *s, const opening *o, source_part *out, error *e)
 {
     const spec_labels *l = &s->labels;
@@ -446,7 +451,7 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
     return true;
 }
 
-/* A volume of one file, or of the files of a stack. */
+/* Opens a volume of one file, or of the files of a stack. */
 static bool open_volume(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
     bool dense = s->kind == SPEC_SURFACE_VOLUME || s->kind == SPEC_SURFACE_EXR;
@@ -476,7 +481,7 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
     if (out->mesh) out->field = mesh_surface_field(out->mesh);
     if (!out->volume) return out->mesh != NULL;
     out->field = volume_field(out->volume);
-    /* a region may yet cut off the ends of what is the whole */
+    /* for the whole surface the ends are checked later, since a region may cut them off */
     return out == &o->source->whole ||
            check_ends(out->volume, out->field->domain, o->source->inputs[0].path, e);
 }
@@ -506,18 +511,19 @@ static bool open_bspline(const spec_bspline *b, double offset, const opening *o,
     return true;
 }
 
-/* ---- surfaces of surfaces. An offset goes down to the leaves: min and max of distances are moved with them.
+/* ---- surfaces made of surfaces. An offset is passed down to the leaves: it commutes with the minimum and
+ * maximum of distances.
  */
 
 static bool open_part(const spec_surface *s, double offset, const opening *o, source_part *out, error *e);
 
-/* Whether creases and the ends of a region become curves between patches. */
+/* Whether creases, and the ends at a region, are curves between patches. */
 static bool makes_patches(const spec *s)
 {
     return s->features || s->region_inside;
 }
 
-/* A part of a combination. One that is empty is none, unless nothing of the whole is left without it. */
+/* Opens a part of a combination. An empty part is omitted, unless the result would then be empty. */
 static bool open_operand(const spec_surface *s, size_t k, double offset, const opening *o, source_part *out,
                          error *e)
 {
@@ -547,7 +553,8 @@ static bool open_combination(const spec_surface *s, double offset, const opening
                                   : s->kind == SPEC_SURFACE_INTERSECTION ? COMBINATION_INTERSECTION
                                                                          : COMBINATION_DIFFERENCE;
     opening inner = *o;
-    for (size_t n = 0; n < 2 * s->part_count; n++) { /* those without an end last: others bound them */
+    /* unbounded parts last, since the bounds of the others limit them */
+    for (size_t n = 0; n < 2 * s->part_count; n++) {
         size_t k = n % s->part_count;
         if (spec_surface_is_bounded(s->parts[k]) != (n < s->part_count)) continue;
         if (!open_operand(s, k, offset, &inner, out, e)) return false;
@@ -559,7 +566,7 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     size_t count = 0;
     for (size_t k = 0; k < s->part_count; k++)
         if (!out->parts[k].nothing) fields[count++] = out->parts[k].field;
-    *e = (error){0}; /* of parts that are left out */
+    *e = (error){0}; /* errors of omitted parts */
     const int wall_levels = makes_patches(o->spec) ? 0 : o->direct ? WALL_LEVELS : WALL_LEVELS_WITHIN;
     if (count > 0)
         out->combination = combination_new(kind, fields, count, wall_levels, memory_left(o), o->pool, e);
@@ -572,7 +579,7 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     return true;
 }
 
-/* The part of an offset or transform. It is empty if that is. */
+/* Opens the part of an offset or transform. The result is empty if the part is. */
 static bool open_inner(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
     char where[POINTER_SIZE];
@@ -585,7 +592,7 @@ static bool open_inner(const spec_surface *s, double offset, const opening *o, s
     return false;
 }
 
-/* By how much a matrix scales all lengths; 0 when it does not keep angles. */
+/* The factor by which a matrix scales all lengths; 0: it does not preserve angles. */
 static double scale_of(const double m[16])
 {
     double scale2 = 0, most = 0;
@@ -598,7 +605,8 @@ static double scale_of(const double m[16])
     return most <= ANGLE_ROUNDING * scale2 ? sqrt(scale2) : 0;
 }
 
-/* The box around a box of the world, in the space of a part that `matrix` places there. */
+/* The bounding box, in the space of a part, of a box in the outer space. `matrix`: from the part to the
+ * outer space. */
 static bbox bounds_within(bbox bounds, const double matrix[16])
 {
     double to_world[3][4], to_part[3][4];
@@ -607,7 +615,7 @@ static bbox bounds_within(bbox bounds, const double matrix[16])
     return affine_box(to_part, bounds);
 }
 
-/* What a matrix adds to those around it. */
+/* Appends a matrix to the transform to world space. */
 static void place_within(opening *o, const double matrix[16])
 {
     double placed[3][4];
@@ -631,7 +639,7 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     out->placement = any ? placement_new_view(out->parts[0].field, s->matrix)
                          : placement_new(out->parts[0].field, s->matrix, e);
     if (!out->placement) return false;
-    /* a mesh of patches is placed already */
+    /* a mesh of patches was transformed when it was opened */
     out->field = out->parts[0].field->patches ? out->parts[0].field : placement_field(out->placement);
     return true;
 }
@@ -692,7 +700,8 @@ static bool open_map(const spec *s, const opening *o, error *e)
     return o->source->map != NULL;
 }
 
-/* The surface, and that of the region; what has no end last, for the other bounds it. */
+/* Opens the surface and the surface of the region. An unbounded one is opened last, since the bounds of the
+ * other one limit it. */
 static bool open_all(const spec *s, const opening *o, error *e)
 {
     source *out = o->source;
@@ -805,15 +814,16 @@ static size_t memory_of_part(const source_part *p)
     return bytes;
 }
 
-/* Areas of the meshes and of the combinations among the parts, and what is missing of each: parts that are
- * thin, and thin walls. */
+/* Areas of meshes and combinations among the parts, and the areas that are missing: parts thinner than
+ * voxels, and walls thinner than cells. */
 typedef struct shortage {
     double of_meshes, thin;
-    double combined; /* of the outermost combination, and the walls of those within */
-    double in_walls; /* of all */
+    double combined; /* area of the outermost combinations, with the missing walls of combinations within
+                      * them */
+    double in_walls; /* missing walls of all combinations */
 } shortage;
 
-/* `scale`: how long the part's unit is in the space that is sampled. */
+/* Adds the areas of a part. `scale`: length of the part's unit in the sampled space. */
 static void add_missing(const source_part *p, double scale, shortage *out)
 {
     const double unit = scale * scale;
@@ -871,7 +881,7 @@ bool source_starts_in_cells(const source *s)
     return s->creased || (!s->whole.analytic && !s->whole.bspline);
 }
 
-/* The outermost part of several, or of none; *x goes into its space. */
+/* The first part that is a combination or a leaf. *x is transformed to its space. */
 static const source_part *find_combination(const source *s, vec3 *x)
 {
     const source_part *p = &s->whole;

@@ -40,7 +40,8 @@ static void describe_volume(const volume_info *info, json *members, json *warnin
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 
-/* The warning's limit is a hundredth of the surface, as for the outcome. */
+/* Adds a warning on thin walls if more than a hundredth of the surface is missing, the limit of the
+ * outcome. */
 static void append_walls(const combination *c, json *warnings)
 {
     char warning[256];
@@ -61,7 +62,7 @@ static void append_nothing(const source_part *p, json *warnings)
     json_append_string(warnings, warning);
 }
 
-/* The parts' volumes as a list, in the order of the spec. */
+/* Lists the volumes of the parts in the order of the spec. */
 static void describe_parts(const source_part *p, json *members, json **list, json *warnings)
 {
     for (size_t k = 0; k < p->part_count; k++) {
@@ -75,7 +76,7 @@ static void describe_parts(const source_part *p, json *members, json **list, jso
     }
 }
 
-/* JSON numbers cannot hold 64 bits, so such a number is a text. */
+/* Numbers that JSON cannot represent, beyond 53 bits, are stored as text. */
 static void put_number(json *o, const char *key, int64_t number)
 {
     char text[24];
@@ -83,7 +84,7 @@ static void put_number(json *o, const char *key, int64_t number)
     json_put_string(o, key, text);
 }
 
-/* By this the daemon finds out whether the path still names the file that was read. */
+/* Adds the identity by which the daemon detects whether the path still refers to the file that was read. */
 static void put_identity(json *o, const source_input *input)
 {
     const store_identity *id = &input->identity;

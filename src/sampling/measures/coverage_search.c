@@ -3,12 +3,13 @@
 
 #include <math.h>
 
-/* Triangles are not divided further below this radius, in spacings: their middle decides. */
+/* Triangles of at most this radius, in spacings, are not divided further: the test of their centre
+ * decides. */
 static const double LEAST_RADIUS = 0.02;
-/* Places of the surface next to two places of a triangle are at most this many times as far apart as these:
- * of a scan, whose triangles lie beside the surface. */
+/* Scans: the surface places of two places of a triangle are at most this factor farther apart than these
+ * two, since the triangles only approximate the surface. */
 static const double STRETCH = 2;
-/* Divisions into four that suffice for any triangle of double coordinates. */
+/* Maximum depth of division: it is sufficient for any triangle with coordinates in doubles. */
 enum { DEEPEST = 40 };
 
 static void divide(const vec3 c[3], int part, vec3 out[3])
@@ -68,16 +69,16 @@ double coverage_search_farthest(const facets *f, const sites *s, const vec3 corn
     return search_farthest(f, s, corner, of, known, 0);
 }
 
-/* Points near a triangle that are not of an opposite wall. */
+/* The points near a triangle that are not on an opposite wall, and what they cover. */
 typedef struct near_facing {
     const sites *s;
     const vec3 *corner;
     vec3 middle, normal;
     uint32_t patch;
-    double radius; /* of the places of the surface, around the middle */
-    bool all;      /* one point is near every place of the triangle */
-    bool some;     /* a place may have one near */
-    bool centre;   /* the middle has one */
+    double radius; /* radius, about `middle`, of the surface places of the triangle */
+    bool all;      /* all places have a point near: one point is near all of them */
+    bool some;     /* a place may have a point near */
+    bool centre;   /* the middle has a point near */
 } near_facing;
 
 static void look_at_point(void *context, uint32_t i)

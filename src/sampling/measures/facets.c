@@ -11,18 +11,18 @@
 #include "geometry/space/morton.h"
 #include "geometry/space/triangle.h"
 
-/* Items of a leaf; with 4 the nodes take twice the memory, and measuring takes as long. */
+/* Maximum items of a leaf. With 4, the nodes take twice the memory, and the measures take as long. */
 enum { LEAF_ITEMS = 8, DEEPEST = 64 };
-/* The middle of an edge that is farther from the surface than this, in lengths of the edge, belongs to
- * another part of it: an arc of a right angle rises by 0.21. */
+/* If the projected midpoint of an edge is farther from the edge than this fraction of its length, it belongs
+ * to another part of the surface: an arc of a right angle rises by 0.21. */
 static const double MIDDLE_RISE = 0.25;
-/* Radians by which normals inside a grid cell may differ from the gradient at its middle, by how much F bends
- * in the cell (field_bend). They only bound what a node's items may face; triangles are tested with their
- * own normals. */
+/* Maximum angle, radians, between a normal in a grid cell and the gradient at its centre, by the class of
+ * curvature (field_bend). The values only bound the normals of a node; triangles are tested with their own
+ * normals. */
 static const float CELL_ANGLE[] = {[FIELD_BENT] = 1.05f, [FIELD_GENTLE] = 0.5f, [FIELD_FLAT] = 0.15f};
-/* Directions whose cosine is above 1 minus this are one edge at a corner; 1e-4 radians. */
+/* Directions whose cosine exceeds 1 minus this belong to one edge at a corner: angles below 1e-4 radians. */
 static const double SAME_DIRECTION = 5e-9;
-/* Spheres are enlarged by this factor against rounding. */
+/* Factor on the radii of spheres, which covers rounding errors. */
 static const double ROUNDING = 1 + 1e-12;
 
 static const char what[] = "the measures of the surface";
@@ -39,7 +39,7 @@ static void mesh_corners(const facets *f, uint32_t item, vec3 out[3])
 
 /* ---- pieces */
 
-/* The other end of an edge, and its triangle; kept at the edge's lower vertex. */
+/* The end with the higher index of an edge, and a triangle at the edge; stored at the lower end. */
 typedef struct edge_end {
     uint32_t high, triangle;
 } edge_end;
@@ -84,12 +84,12 @@ static bool join_triangles(const facets_input *in, uint32_t *parent, error *e)
     return ok;
 }
 
-/* Numbers the sets in the order of their roots; returns how many there are. */
+/* Numbers the sets in the order of their roots. Returns their number. */
 static size_t number_sets(uint32_t *parent, size_t count)
 {
     size_t sets = 0;
     for (uint32_t k = 0; k < count;
-         k++) { /* a root is the least of its set, so it has its number before the others */
+         k++) { /* the root is the lowest index of its set, so that its number is known before */
         const uint32_t root = parent[k] == k ? k : sets_root(parent, k);
         parent[k] = root;
     }
@@ -106,7 +106,7 @@ bool facets_count_pieces(const facets_input *in, size_t *count, error *e)
     return ok;
 }
 
-/* The piece of each item, unless the patches determine it. */
+/* Finds the piece of each item, if the patches do not determine it. */
 static bool find_pieces(facets *f, error *e)
 {
     const facets_input *in = &f->in;
@@ -135,7 +135,7 @@ static bool find_pieces(facets *f, error *e)
 
 /* ---- items */
 
-/* The cells of a scan are numbered patch after patch, as the triangles of a mesh are. */
+/* The patch of an item: cells and triangles are numbered patch after patch. */
 static uint32_t patch_of_item(const facets *f, uint32_t item)
 {
     if (f->in.patch_count <= 1) return 0;
@@ -155,7 +155,7 @@ uint32_t facets_piece(const facets *f, size_t k)
     return piece_of_item(f, f->item[k]);
 }
 
-/* The gradient of F at the middle of a cell, by its corners. */
+/* The gradient of F at the centre of a cell, from the values at its corners. */
 static vec3 cell_normal(const field_cell *cell)
 {
     vec3 sum = {0, 0, 0};
@@ -226,7 +226,7 @@ static void include_sphere(vec3 *centre, double *radius, vec3 other, double r)
 static float angle_between(const float axis[3], vec3 n)
 {
     const double c = axis[0] * n.x + axis[1] * n.y + axis[2] * n.z;
-    return (float)acos(fmin(fmax(c, -1), 1)) + 1e-4f; /* and what floats lose */
+    return (float)acos(fmin(fmax(c, -1), 1)) + 1e-4f; /* plus the rounding error of floats */
 }
 
 static void set_axis(facets_node *n, vec3 sum)
@@ -298,7 +298,7 @@ static void unite_nodes(const facets_node *a, const facets_node *b, facets_node 
     widen_angle(out, axis_of(b), b->angle);
 }
 
-/* Builds the nodes of a range behind those that there are; returns the number of its root. */
+/* Appends the nodes of a range of items. Returns the index of its root. */
 static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, uint32_t end)
 {
     const uint32_t at = (uint32_t)f->node_count++;
@@ -316,7 +316,7 @@ static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, 
     return at;
 }
 
-/* The items that have area, in Morton order of their middles. */
+/* Sorts the items with area in Morton order of their centres. */
 static bool order_items(facets *f, threads *pool, error *e)
 {
     const bool mesh = f->in.triangle_count > 0;
@@ -395,7 +395,7 @@ void facets_free(facets *f)
 
 /* ---- triangles */
 
-/* Out of the solid, where the triangles of a scan have no orientation of their own. */
+/* The normal of a triangle, out of the solid: the triangles of a scan have no consistent orientation. */
 static vec3 oriented(const facets *f, size_t k, uint32_t patch, const vec3 corner[3], vec3 normal)
 {
     const field *of = f->in.scan->field;
@@ -407,7 +407,7 @@ static vec3 oriented(const facets *f, size_t k, uint32_t patch, const vec3 corne
     return vec3_dot(out, normal) < 0 ? vec3_scale(normal, -1) : normal;
 }
 
-/* The corners of an item's triangles; returns their number. */
+/* The corners of an item's triangles. Returns the number of triangles. */
 static int item_corners(const facets *f, uint32_t item, bool exact, vec3 out[FIELD_CELL_TRIANGLES][3])
 {
     if (f->in.triangle_count == 0)
@@ -440,8 +440,7 @@ int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TR
     return kept;
 }
 
-/* Moves x onto the surface of a scan; false, x unchanged, where Newton's method finds no place within
- * `reach`. */
+/* Moves x onto the surface of a scan. False, x unchanged: Newton's method finds no place within `reach`. */
 static bool onto_surface(const facets *f, uint32_t patch, vec3 *x, double side, double reach)
 {
     const projection_limits limits = projection_draft(side);
@@ -478,7 +477,7 @@ typedef struct item_search {
     vec3 x;
     double nearest;
     size_t found;
-    uint32_t except; /* items of this piece are not searched, or NO_PIECE */
+    uint32_t except; /* items of this piece are skipped; NO_PIECE: none are */
 } item_search;
 
 #define NO_PIECE (FACETS_MIXED - 1)
@@ -520,7 +519,7 @@ static int push_children(const facets *f, const facets_node *n, vec3 x, uint32_t
     return top;
 }
 
-/* Finds a nearer item than the nearest so far, if there is one. */
+/* Finds the nearest item that is nearer than `nearest`, if there is one. */
 static void search_nodes(item_search *s)
 {
     uint32_t stack[DEEPEST];
@@ -538,13 +537,14 @@ static void search_nodes(item_search *s)
     }
 }
 
-/* The grid cell of a scan whose middle is nearest to x, or one almost as near. Its triangles bound the
- * distance of the nearest ones closely, without those of the cells around it. */
+/* A grid cell of a scan whose centre is nearest to x, or almost so. Its triangles bound the distance of the
+ * nearest item closely, and the cells around it need not be expanded for that. */
 static size_t near_cell(const facets *f, vec3 x)
 {
     uint32_t stack[DEEPEST];
     int top = 0;
-    double nearest = INFINITY, reach = INFINITY; /* of a middle; of the sphere of a cell */
+    /* distance of the nearest centre; upper bound of the distance of the nearest sphere's far side */
+    double nearest = INFINITY, reach = INFINITY;
     size_t found = 0;
     stack[top++] = 0;
     while (top > 0) {
@@ -584,7 +584,7 @@ size_t facets_nearest(const facets *f, vec3 x)
 uint32_t facets_nearest_piece(const facets *f, vec3 x)
 {
     item_search s = search_at(f, x);
-    if (isfinite(s.nearest)) { /* most places are nearer to it than to every item of the other pieces */
+    if (isfinite(s.nearest)) { /* most places are nearer to this item than to any item of other pieces */
         item_search others = s;
         others.except = facets_piece(f, s.found);
         search_nodes(&others);
@@ -594,7 +594,7 @@ uint32_t facets_nearest_piece(const facets *f, vec3 x)
     return facets_piece(f, s.found);
 }
 
-/* The edges that end at a corner or pass it, by their directions, and the number of faces at each. */
+/* The edges at a corner, by their directions, with the number of faces at each. */
 enum { MOST_EDGES = 256 };
 typedef struct edge_fan {
     int count;
@@ -620,7 +620,7 @@ static double angle_at(vec3 a, vec3 b)
     return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Adds the angle of one triangle around x, and the edges that bound it there. */
+/* Adds the angle of one triangle at x, and its two edges there. */
 static void add_face(const facet *t, vec3 x, double tolerance, edge_fan *fan, double *angle)
 {
     const triangle at = {t->corner[0], t->corner[1], t->corner[2]};

@@ -45,10 +45,10 @@ typedef struct facets {
     facets_input in;
     size_t item_count;
     uint32_t *item;  /* the item at each place of the order */
-    uint32_t *piece; /* of each item, or NULL: patch_piece, or all are of piece 0 */
+    uint32_t *piece; /* per item; NULL: patch_piece applies, or there is one piece */
     size_t piece_count;
-    double *piece_area; /* of each piece */
-    double area;        /* of the surface */
+    double *piece_area; /* per piece */
+    double area;        /* area of the surface */
     facets_node *node;  /* node 0 is the root */
     size_t node_count;
     /* unit normals of grid cells, in item order; NULL for a mesh. They distinguish the sides and bound
@@ -62,7 +62,7 @@ typedef struct facet {
     vec3 normal; /* unit */
     double area;
     uint32_t piece, patch;
-    size_t item; /* its place in the order */
+    size_t item; /* index of its item in the order */
 } facet;
 
 /* The arrays of the input are owned by the caller and must outlive *out. Free *out also after failure.

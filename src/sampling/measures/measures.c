@@ -13,35 +13,38 @@
 #include "sampling/packing/point_flags.h"
 #include "geometry/space/packing.h"
 
-/* Sides shorter than this, in spacings, are rounding at a corner where four cells meet. */
+/* Sides shorter than this, in spacings, are ignored: they are rounding errors at a corner where four cells
+ * meet. */
 static const double LEAST_SIDE = 1e-4;
-/* A point within this of an edge or a vertex lies on it; in spacings. */
+/* Tolerance, in spacings, for points on an edge or a vertex. */
 static const double ON_EDGE = 1e-6;
-/* A request whose spacings differ by less than this factor is even: a slope against it has no meaning. */
+/* Minimum ratio of the largest to the smallest requested spacing for which the slope of local against
+ * requested spacing is computed. */
 static const double EVEN_REQUEST = 1.05;
-/* Angles over 60 degrees that are this near to an integer have one ideal degree. */
+/* A point has an ideal degree if the angle of the surface, in units of 60 degrees, differs from an integer
+ * by at most this. */
 static const double NEAR_INTEGER = 0.2;
-/* A packing in perfect order whose spacing grows by g per distance is a lattice under the exponential map.
- * Its cells are larger by GROWTH_CELL g^2 than the requested ones, its energies by GROWTH_ENERGY g^2; right
- * to 3 % up to a g of GROWTH_MOST. */
+/* A perfect packing whose spacing increases by g per unit of distance is the image of a lattice under the
+ * exponential map. Its cells are larger than requested by the fraction GROWTH_CELL g^2, and its energies by
+ * GROWTH_ENERGY g^2. Accurate to 3 % up to g = GROWTH_MOST. */
 static const double GROWTH_CELL = 5.0 / 12, GROWTH_ENERGY = 0.668, GROWTH_MOST = 0.3;
 
 static const char what[] = "the measures of the points";
 
-/* What is known of each point. */
+/* Data of each point. */
 typedef struct point_table {
     size_t count;
-    double *spacing; /* h at each */
-    double *ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2
-                    * faces */
-    double *share; /* angle of the surface over a full turn */
+    double *spacing; /* requested spacing h */
+    double *ideal;   /* ideal degree: angle of the surface over 60 degrees, plus 1 on a border; 2 k + 2 on an
+                    * edge of k > 2 faces */
+    double *share;   /* angle of the surface over 360 degrees */
     bool *border, *fork;
     uint32_t *degree;
     uint32_t *piece;
     uint32_t *side; /* see sites.h */
     vec3 *normal;
     bool *one_sided;
-    uint32_t *patch; /* of each normal */
+    uint32_t *patch; /* per normal */
     bool *at_wedge;
 } point_table;
 
@@ -81,7 +84,7 @@ static bool allocate_table(const measures_input *in, point_table *t, error *e)
            t->normal && t->one_sided && t->patch && t->at_wedge;
 }
 
-/* ---- what the surface is like at the points */
+/* ---- the surface at the points */
 
 static uint32_t point_of(const measures_input *in, size_t copy)
 {
@@ -93,7 +96,7 @@ static bool has_flag(const measures_input *in, size_t copy, uint8_t flag)
     return in->copy_flags && in->copy_flags[copy] & flag;
 }
 
-/* The normals of each point, one after the other. */
+/* Lists the normals of all points, grouped by point. */
 static void gather_sides(const measures_input *in, point_table *t)
 {
     const sites_copies copies = {in->copy_count, in->copy_normal, in->copy_point, in->copy_patch,
@@ -109,7 +112,8 @@ typedef struct corner_job {
     point_table *t;
 } corner_job;
 
-/* Where faces of the domain cut a smooth surface: its angle is that between them in the tangent plane. */
+/* Sets the corner of a point on faces of the domain that cut a smooth surface: the angle between the faces
+ * in the tangent plane. */
 static void set_cut(const field *of, vec3 x, vec3 normal, facets_corner *out)
 {
     const unsigned axes = projection_boundary_axes(of, x);
@@ -133,7 +137,7 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
     facets_corner c = {.angle = 0};
     const bool mesh = in->surface.triangle_count > 0, on_curve = has_flag(in, i, PACKING_FIXED);
     if (on_curve) facets_corner_at(f, in->position[i], ON_EDGE * in->spacing[i], &c);
-    /* A scan's triangles are rough: a point that two patches meet in may lie on those of one of them. */
+    /* triangles of a scan are inexact: a point on two patches may lie on triangles of only one of them */
     if (!mesh && c.border && t->side[i + 1] > t->side[i] + 1) c = (facets_corner){.angle = 0};
     if (!mesh) set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
     const double angle = c.angle > 0 ? c.angle : 2 * M_PI;
@@ -143,11 +147,11 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
     t->ideal[i] = c.fork ? 2 * angle / M_PI + 2 : angle / (M_PI / 3) + c.border;
 }
 
-/* The piece that a point lies on, and without given normals that of the nearest triangle. */
+/* Sets the piece of a point, and without given normals the normal of the nearest triangle. */
 static void set_piece(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
     if (in->copy_normal) {
-        if (f->piece_count == 1) return; /* number 0 */
+        if (f->piece_count == 1) return; /* the only piece has the number 0 */
         t->piece[i] = in->copy_patch && f->in.patch_piece ? f->in.patch_piece[in->copy_patch[i]]
                                                           : facets_nearest_piece(f, in->position[i]);
         return;
@@ -182,7 +186,7 @@ static void count_value(moments *m, double value)
     m->squares += value * value;
 }
 
-/* Coefficient of variation; NAN of fewer than two values. */
+/* Coefficient of variation. NAN: fewer than two values. */
 static double variation(const moments *m)
 {
     if (m->n < 2 || !(m->sum > 0)) return NAN;
@@ -210,7 +214,8 @@ static double local_spacing(const restricted_voronoi *v, const point_table *t, s
     return v->area[i] > 0 ? packing_spacing(v->area[i] / t->share[i], 1) : t->spacing[i];
 }
 
-/* Without a request: the mean local spacing of each point and its neighbours. */
+/* Without requested spacings: sets the spacing of a point to the mean local spacing of it and its
+ * neighbours. */
 static bool take_achieved(const restricted_voronoi *v, point_table *t, error *e)
 {
     double *sum = mem_array(t->count, sizeof *sum, what, e);
@@ -237,13 +242,14 @@ static bool is_regular(const point_table *t, size_t i)
     return degree >= floor(t->ideal[i] + NEAR_INTEGER) && degree <= ceil(t->ideal[i] - NEAR_INTEGER);
 }
 
-/* The sum over all points of a surface is 6 times its Euler characteristic. */
+/* Ideal minus actual degree. Its sum over all points of a surface is 6 times the Euler characteristic. */
 static double missing_degree(const point_table *t, size_t i)
 {
     return (t->border[i] ? 4 : 6) - (double)t->degree[i];
 }
 
-/* The points of each piece without the ideal degree, beyond the number that the piece's topology requires. */
+/* Counts, for each piece, the points that do not have the ideal degree, minus the number that the topology
+ * of the piece requires. */
 static bool count_defects(const point_table *t, const bool *regular, size_t pieces, double *share, error *e)
 {
     double *irregular = mem_array(pieces, sizeof *irregular, what, e),
@@ -261,7 +267,7 @@ static bool count_defects(const point_table *t, const bool *regular, size_t piec
     return ok;
 }
 
-/* The logarithms of requested and local spacing. */
+/* Sums for the regression of the logarithm of the local spacing on that of the requested spacing. */
 typedef struct slope {
     double n, x, y, xx, xy, finest, coarsest;
 } slope;
@@ -283,8 +289,7 @@ typedef struct cell_sums {
     moments edge, area, ratio;
     slope grading;
     double regular, degrees, turn, unmeasured;
-    double straight; /* areas of cells with straight lines across their sides; over h^2 and the share of the
-                      * angle */
+    double straight; /* areas of the cells with straight sides, over h^2 and the share of the angle */
 } cell_sums;
 
 static void sum_cells(const measures_input *in, const restricted_voronoi *v, const point_table *t,
@@ -312,8 +317,8 @@ static void sum_cells(const measures_input *in, const restricted_voronoi *v, con
     }
 }
 
-/* The mean of the square of how much the requested spacing grows per distance: half of it along one
- * direction. */
+/* The mean square of the gradient of the requested spacing. The neighbours of a point are in all directions,
+ * so that the differences have half of it. */
 static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, const point_table *t,
                          double *out, error *e)
 {
@@ -333,10 +338,11 @@ static bool mean_growth2(const measures_input *in, const restricted_voronoi *v, 
     return sum != NULL;
 }
 
-/* Against perfect order of cells as large, with as many neighbours and the same grading. With n neighbours, 6
- * times the turn (Gauss and Bonnet), a cell is n / 3 triangles, whose sides are as sqrt(6 / n). Energies
- * depend on straight distances, which a bent surface makes shorter than its own: `straight` has this in one
- * of two directions, `flat` in both. */
+/* Energy over that of a perfect packing with cells of the same area, the same number of neighbours and the
+ * same grading. A cell with n neighbours (n = 6 times the angle of the surface over 360 degrees, by Gauss
+ * and Bonnet) consists of n / 3 triangles with sides proportional to sqrt(6 / n). Energies depend on
+ * straight distances, which are shorter than distances along a curved surface: `straight` accounts for this
+ * in one of two directions, `flat` in both. */
 static double disorder_of(const cell_sums *c, double energy_excess, double growth2)
 {
     const double n = c->area.n, turn = 1 - c->turn / n;
@@ -381,7 +387,7 @@ static bool conclude_cells(const measures_input *in, const restricted_voronoi *v
 
 /* ---- coverage and pieces */
 
-/* How many points each piece without points should have. */
+/* Counts the points that each piece without points should have. */
 static void count_requested(const measures_input *in, const facets *f, const bool *has, double *requested)
 {
     if (!in->spacing_at) {
@@ -432,8 +438,8 @@ static sites sites_of(const measures_input *in, const point_table *t, const cell
     return s;
 }
 
-/* Without a request the diagram is built twice: its cells give the spacing by which its distances are then
- * divided. */
+/* Without requested spacings the diagram is built twice: the cells of the first one determine the spacings
+ * that divide the distances of the second one. */
 static bool build_diagram(const measures_input *in, const facets *f, const cell_list *near, threads *pool,
                           point_table *t, restricted_voronoi *v, error *e)
 {

@@ -26,7 +26,7 @@ typedef struct measures_input {
     /* requested at a place of the surface; NULL: h everywhere */
     double (*spacing_at)(const void *context, vec3 x);
     const void *spacing_context;
-    bool sized;       /* energies use the support of each pair's spacings, not that of h */
+    bool sized;       /* energies use the support for the spacing of each pair, not that for h */
     bool achieved;    /* no spacing is requested: amplitudes grade the points */
     const bool *kept; /* per point: given; distances between two such points are not measured. NULL: none */
     /* A copy of each point for each patch on which it lies; the first `count` are the points in their order
@@ -51,16 +51,18 @@ typedef struct measures {
     size_t coincident;
     double coverage, missing_share;
     size_t parts_without_points;
-    double empty_area_share; /* of the parts without points */
+    double empty_area_share; /* fraction of the area in pieces without points */
     double unmeasured_share, defect_share;
-    size_t thin_count; /* points with another on an opposite wall nearer than 1.2 spacings */
-    /* times the spacing: at most MEASURES_THIN_SHARE of the points would lie on such walls; at most 1 */
+    size_t thin_count; /* points with a point on an opposite wall nearer than 1.2 spacings */
+    /* at most MEASURES_THIN_SHARE of the points would be on such walls if the spacing were multiplied by
+     * this; at most 1 */
     double thin_factor;
-    double euler; /* sum of (6 - degree) / 6, of (4 - degree) / 6 on borders */
+    double euler; /* sum of (6 - degree) / 6 over inner points and of (4 - degree) / 6 over points on
+                   * borders */
     double grading_cv, grading_exponent;
 } measures;
 
-/* Points whose distance is below these are close, or coincident; of the mean of their spacings. */
+/* Maximum distance of close points, and of coincident points, as a fraction of the mean of their spacings. */
 #define MEASURES_CLOSE 0.25
 #define MEASURES_COINCIDENT 1e-3
 /* Minimum share of points on walls thinner than the spacing for a note in the report. */

@@ -11,14 +11,14 @@
 #include "sampling/voronoi/resolution.h"
 #include "sampling/voronoi/voronoi.h"
 
-/* Points in a chunk of work, and in a partial sum. */
+/* Points in a chunk of work; each chunk has its own partial sums. */
 enum { CHUNK = 256 };
 /* Pairs whose energies are summed at once. */
 enum { BATCH = 8 * ENERGY_LANES };
-/* Two points are at least this fraction of the support apart in the energy, which has no bound. */
+/* Minimum distance in the energy, as a fraction of the support: the energy is not bounded at 0. */
 static const double CLOSEST = 1e-6;
 
-/* What a chunk adds. */
+/* Sums of one chunk. */
 typedef struct pair_sums {
     double energy, nearest; /* relative energies; the smallest relative distance */
     size_t close, coincident, thin;
@@ -27,8 +27,8 @@ typedef struct pair_sums {
 typedef struct pair_job {
     const pair_measures_input *in;
     const partition *part;
-    pair_sums *sums; /* of each chunk */
-    double *gap;     /* of each point, to the opposite wall, in spacings */
+    pair_sums *sums; /* per chunk */
+    double *gap;     /* per point: distance of the opposite wall, in spacings */
 } pair_job;
 
 typedef struct energy_batch {
@@ -54,8 +54,8 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
-/* How far apart the opposite walls of two points are, in spacings; INFINITY: they say nothing of it. Beside a
- * sharp edge, where its faces meet, they are not walls. */
+/* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
+ * determine it. Near a sharp edge the faces that meet there do not count as walls. */
 static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;
@@ -121,7 +121,7 @@ static int compare_numbers(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* See measures.thin_factor; sorts the gaps. */
+/* Computes measures.thin_factor. Sorts the gaps. */
 static double thin_factor(double *gap, size_t count)
 {
     const size_t allowed = (size_t)(MEASURES_THIN_SHARE * (double)count);
@@ -129,7 +129,7 @@ static double thin_factor(double *gap, size_t count)
     return fmin(gap[allowed] / RESOLUTION_GAP, 1);
 }
 
-/* How far lists reach, in spacings: to the support, and to opposite walls. */
+/* Reach of the neighbour lists, in spacings: the support, or the largest distance of opposite walls. */
 static double reach_of(const pair_measures_input *in)
 {
     double finest = INFINITY;

@@ -14,7 +14,7 @@ typedef struct pair_measures_input {
     double h;
     bool sized;           /* see measures_input */
     const double *ideal;  /* the ideal degree of each point before rounding */
-    const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
+    const bool *at_wedge; /* per point: it has the flag PACKING_AT_WEDGE */
     const bool *kept;     /* see measures_input */
 } pair_measures_input;
 

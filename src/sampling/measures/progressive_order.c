@@ -9,12 +9,12 @@
 #include "geometry/space/point_tree.h"
 #include "sampling/measures/sites.h"
 
-/* Points in a leaf of the tree, at most. With 8 a million points take a tenth longer. */
+/* Maximum points of a leaf. With 8, a million points take a tenth longer. */
 enum { LEAF = 16 };
 
 static const char what[] = "the order of the points";
 
-/* A point as a leaf holds it. */
+/* A point in a leaf. */
 typedef struct entry {
     vec3 position;
     double spacing;
@@ -26,23 +26,22 @@ static const double TAKEN = -1;
 
 typedef struct node {
     float low[3], high[3], largest_spacing;
-    double far;           /* the largest of its points */
-    uint32_t index;       /* the point that has it; the lowest index if several have */
-    uint32_t entry_index; /* the entry of that point */
+    double far;           /* maximum of `far` over its points */
+    uint32_t index;       /* index of the point with this maximum; the lowest one if several have it */
+    uint32_t entry_index; /* entry of this point */
 } node;
 
 typedef struct order_tree {
     const progressive_order_input *in;
     sites sites;
-    uint32_t *side, *patch; /* of the sites */
+    uint32_t *side, *patch; /* per site */
     vec3 *normal;
     bool *one_sided;
     entry *entry;
-    vec3 *facing; /* of each entry: single_normal, apart from it, since few entries that are looked at need
-                   * it */
+    vec3 *facing; /* per entry: single_normal; a separate array, since few visited entries need it */
     node *node;   /* children of k: 2 k + 1 and 2 k + 2 */
     size_t first_leaf;
-    vec3 middle; /* of the points: floats are exact enough relative to it */
+    vec3 middle; /* centre of the points: floats are sufficiently exact relative to it */
 } order_tree;
 
 /* ---- building */
@@ -75,7 +74,7 @@ static void take_farther_child(order_tree *t, size_t k)
     n->entry_index = from->entry_index;
 }
 
-/* The normal of a point that has one, whose sign has a meaning and is that of its surface; else NaN. */
+/* The normal of a point if it has exactly one whose sign is meaningful; otherwise NaN. */
 static vec3 single_normal(const order_tree *t, uint32_t index)
 {
     const uint32_t k = t->side[index];
@@ -83,7 +82,7 @@ static vec3 single_normal(const order_tree *t, uint32_t index)
     return is_single ? t->normal[k] : vec3_make(NAN, NAN, NAN);
 }
 
-/* Floats not below and not above a number. */
+/* A float that is not less than x. */
 static float float_above(double x)
 {
     const float f = (float)x;
@@ -184,9 +183,9 @@ static bool make_tree(const progressive_order_input *in, uint32_t *order, order_
 
 /* ---- choosing */
 
-/* Which point is taken, and where it is in the tree. */
+/* The chosen point, with its position in the tree. */
 typedef struct choice {
-    vec3 position, local; /* relative to the middle */
+    vec3 position, local; /* local: relative to t->middle */
     double spacing;
     uint32_t index, entry_index, piece;
     vec3 facing;
@@ -201,7 +200,7 @@ static bool are_apart(const order_tree *t, const choice *c, size_t at)
                          : cosine <= SITES_OPPOSITE;
 }
 
-/* False: the entry is as far as it was. */
+/* Updates the distance of an entry. False: it has not decreased. */
 static bool bring_nearer(const order_tree *t, const choice *c, size_t at)
 {
     entry *p = &t->entry[at];
@@ -215,7 +214,7 @@ static bool bring_nearer(const order_tree *t, const choice *c, size_t at)
     return true;
 }
 
-/* The square of a distance to which no point of the node is nearer to x, a place relative to the middle. */
+/* Lower bound of the squared distance of the node's points from x, which is relative to the middle. */
 static double box_distance2(const node *n, vec3 x)
 {
     const double dx = fmax(fmax(n->low[0] - x.x, x.x - n->high[0]), 0),
@@ -224,7 +223,8 @@ static double box_distance2(const node *n, vec3 x)
     return dx * dx + dy * dy + dz * dz;
 }
 
-/* Whether the chosen point is one of the node's, or may be nearer to one of them than all earlier points. */
+/* Whether node k contains the chosen point, or a point that may be nearer to it than to all earlier
+ * points. */
 static bool is_reached(const order_tree *t, const choice *c, size_t k, size_t begin, size_t end)
 {
     const node *n = &t->node[k];
@@ -241,8 +241,7 @@ static bool update_leaf(order_tree *t, const choice *c, size_t k, size_t begin, 
     return changed;
 }
 
-/* Takes the chosen point into account in node k, whose points are entries begin .. end. False: nothing has
- * changed. */
+/* Updates node k, with the entries begin .. end, for the chosen point. False: nothing has changed. */
 static bool update(order_tree *t, const choice *c, size_t k, size_t begin, size_t end)
 {
     if (k >= t->first_leaf) return update_leaf(t, c, k, begin, end);
@@ -253,11 +252,11 @@ static bool update(order_tree *t, const choice *c, size_t k, size_t begin, size_
     return changed;
 }
 
-/* The order as it is made. */
+/* State of the ordering. */
 typedef struct ordering {
     order_tree tree;
     uint32_t *order;
-    size_t count; /* of the chosen points */
+    size_t count; /* number of chosen points */
 } ordering;
 
 static void choose(ordering *o, uint32_t entry_index)
@@ -273,7 +272,7 @@ static void choose(ordering *o, uint32_t entry_index)
     update(t, &c, 0, 0, t->in->count);
 }
 
-/* Chooses points of node k until none has at least this (squared) distance from the chosen points. */
+/* Chooses points of node k until all of its points are within this squared distance of chosen points. */
 static void choose_in(ordering *o, size_t k, double least)
 {
     const node *n = &o->tree.node[k];

@@ -24,7 +24,7 @@
 #include "geometry/space/vec3.h"
 
 /* Larger: thin parts approach the distances of separate walls, and prefixes with fewer points than pieces are
- * less even in space. measurements/blue_noise/order.md has both. */
+ * less even in space. measurements/blue_noise has both. */
 #define PROGRESSIVE_ORDER_APART 3.0
 /* Smaller: faster, and prefixes are less even. */
 #define PROGRESSIVE_ORDER_BATCH 0.98

@@ -8,41 +8,41 @@
 #include "base/core/memory.h"
 #include "sampling/measures/coverage_search.h"
 
-/* The hierarchy is divided into at least this many subtrees, which are the units of parallel work: about one
- * for POINTS_OF_TASK points, and at most TASKS. The number of threads does not matter. */
+/* The hierarchy is divided into subtrees, the units of parallel work: at least this number, about one for
+ * each POINTS_OF_TASK points but at most TASKS. It does not depend on the number of threads. */
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
-/* Tasks whose records are kept at once, for each thread. */
+/* Tasks per thread whose records are in memory at the same time. */
 enum { TASKS_OF_THREAD = 4 };
-/* Items at which distances are bounded before the tasks, for each point: at most. */
+/* Maximum number of items per point at which distances are bounded from below before the tasks start. */
 enum { PROBES_OF_POINT = 2 };
-/* A triangle with more candidates is divided at its longest edge before it is clipped: clipping takes the
- * square of their number. */
+/* A triangle with more candidates is divided at its longest edge before it is clipped: the cost of clipping
+ * is quadratic in their number. */
 enum { MOST_CANDIDATES = 12 };
-/* A part shorter than this, in spacings, is not divided further: it holds no side that counts. */
+/* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
 static const double LEAST_PART = 1e-4;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 3;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
-/* Corners of a clipped triangle: three, one for each bisector, and the faces of a domain. */
+/* Maximum corners of a clipped triangle: three, one for each bisector, and one for each face of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
 static const double MARGIN = 1e-9;
-/* An edge of the triangle itself, in place of the point behind a bisector. */
+/* Marks an edge of the triangle itself, instead of the index of the point beyond a bisector. */
 #define NO_SITE UINT32_MAX
 
 static const char what[] = "the measures of the surface";
 
-/* ---- records of one task, which are summed in the order of the tasks */
+/* ---- records of one task; they are summed in the order of the tasks */
 
 typedef struct area_record {
     uint32_t site;
     double area;
 } area_record;
 
-/* Candidates on the stack: all points that may be nearest to a place, as far as these are within `complete`
- * of the node's centre. */
+/* A range of candidates on the stack. It contains all points that may be nearest to a place of the node,
+ * provided that they are within `complete` of the node's centre. */
 typedef struct candidates {
     size_t first, count;
     double complete;
@@ -63,25 +63,25 @@ typedef struct build_job {
     const facets *f;
     const sites *s;
     task *task;
-    double *farthest;    /* of each worker, of each patch: of the task at hand, and behind these of all of its
-                          * tasks */
-    const double *known; /* of each patch: a bound from below */
+    double *farthest;    /* per worker and patch: maximum of the current task; behind them, the maximum of
+                          * all its tasks */
+    const double *known; /* per patch: a lower bound */
 } build_job;
 
-/* The square of the distance of each corner from a site. */
+/* Squared distance of a site from each corner. */
 typedef struct corner_distances {
     double of[3];
 } corner_distances;
 
-/* A descent of one task. */
+/* State of the descent of one task. */
 typedef struct descent {
     const facets *f;
     const sites *s;
     task *to;
-    double *farthest; /* of each patch */
-    uint32_t *list;   /* candidates, a stack */
+    double *farthest; /* per patch */
+    uint32_t *list;   /* stack of candidates */
     corner_distances
-        *square; /* of each, from the corners of the part of a triangle for which it was pushed */
+        *square; /* per candidate: squared distances from the corners of the part for which it was pushed */
     size_t top, room;
 } descent;
 
@@ -142,10 +142,10 @@ static bool add_side(descent *d, uint32_t a, uint32_t b, double length)
 
 typedef enum facing { FACING_NONE, FACING_SOME, FACING_ALL } facing;
 
-/* For a node: how the cosine between its axis and a normal decides whether the normal faces the items. */
+/* Thresholds for the cosine between a node's axis and a normal. */
 typedef struct node_facing {
     vec3 axis;
-    double none, all; /* none of the items below, all of them above */
+    double none, all; /* below `none`: the normal faces no item; above `all`: it faces all items */
     uint32_t patch;
 } node_facing;
 
@@ -170,8 +170,8 @@ static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)
     return best;
 }
 
-/* Pushes the candidates of a node, chosen from those of its parent. *certain: each of them faces all
- * items. False: failed. */
+/* Pushes the candidates of a node, selected from those of its parent. *certain: each of them faces all
+ * items. False: out of memory. */
 static bool choose_candidates(descent *d, const facets_node *n, const candidates *from, vec3 from_centre,
                               candidates *out, bool *certain)
 {
@@ -209,11 +209,11 @@ typedef struct polygon {
     int count;
     vec3 corner[MOST_CORNERS]; /* relative to the site */
     uint32_t
-        behind[MOST_CORNERS]; /* of the edge from this corner to the next: the site behind its bisector, or
-                               * NO_SITE */
+        behind[MOST_CORNERS]; /* behind[k]: the site beyond the bisector that contains the edge from corner
+                               * k, or NO_SITE */
 } polygon;
 
-/* Keeps what has dot(normal, x) <= offset. */
+/* Keeps the part of the polygon with dot(normal, x) <= offset. */
 static void clip(polygon *p, vec3 normal, double offset, uint32_t site)
 {
     double height[MOST_CORNERS];
@@ -257,7 +257,7 @@ typedef struct part {
     const facet *of;
 } part;
 
-/* What lies beyond the faces that cut the surface is not part of it. */
+/* Clips by the faces of the domain that cut the surface. */
 static void clip_by_domain(const descent *d, const part *t, vec3 origin, polygon *p)
 {
     const field *f = d->f->in.triangle_count == 0 ? d->f->in.scan->field : NULL;
@@ -293,8 +293,8 @@ static double distance_at(const sites *s, vec3 x)
     return distance / s->spacing[nearest];
 }
 
-/* Raises *known to the distance of a place. Where that of x itself is below it, so is that of the place of
- * the surface next to x: points lie on the surface, which x lies beside. */
+/* Raises *known to the distance of the surface place of x. It is computed only if the distance of x itself
+ * exceeds *known: points lie on the surface, and x beside it, so that the surface place is not farther. */
 static void raise_to_place(const descent *d, const facet *of, vec3 x, double *known)
 {
     if (distance_at(d->s, x) > *known) *known = fmax(*known, distance_at(d->s, facets_onto(d->f, of, x)));
@@ -311,7 +311,8 @@ static void search_polygon(descent *d, const polygon *p, vec3 origin, const face
     }
 }
 
-/* Distances of a polygon of the cell of `site`. The largest is at a corner where no other point is nearer. */
+/* Updates the largest distance for a polygon of the cell of `site`. It is at a corner to which no other
+ * point is nearer. */
 static void measure_distances(descent *d, const polygon *p, uint32_t site, const facet *of)
 {
     double *farthest = &d->farthest[of->patch];
@@ -329,20 +330,21 @@ static void measure_distances(descent *d, const polygon *p, uint32_t site, const
 
 /* ---- triangles */
 
-/* How many corners are nearer to one site than to another. */
+/* The number of corners that are nearer to one site than to the other. */
 static int nearer_corners(const corner_distances *one, const corner_distances *other)
 {
     return (one->of[0] < other->of[0]) + (one->of[1] < other->of[1]) + (one->of[2] < other->of[2]);
 }
 
-/* Whether two sites are equally far from every place of the triangle: the first of them has the places. */
+/* Whether two sites have equal distances from all corners, and thus from every place of the triangle: the
+ * first of them then gets the places. */
 static bool is_same(const corner_distances *a, const corner_distances *b)
 {
     return a->of[0] == b->of[0] && a->of[1] == b->of[1] && a->of[2] == b->of[2];
 }
 
-/* The part of the triangle in the cell of candidate `own` of `count` from `base` on; false if there is
- * none. */
+/* Computes the part of the triangle in the cell of candidate `own` (of `count`, from `base`). False: it is
+ * empty. */
 static bool cell_part(const descent *d, const part *t, size_t base, size_t count, size_t own, polygon *p)
 {
     const uint32_t *list = d->list + base, site = list[own];
@@ -366,7 +368,7 @@ static bool is_equally_far(const corner_distances *a, const corner_distances *b,
     return fabs(a->of[c] - b->of[c]) <= MARGIN * (a->of[c] + b->of[c]);
 }
 
-/* At how many corners two sites are as far as each other. */
+/* The number of corners at equal distances from two sites. */
 static int equal_corners(const corner_distances *a, const corner_distances *b)
 {
     int count = 0;
@@ -381,8 +383,8 @@ static bool has_own_edge(const polygon *p)
     return found;
 }
 
-/* An edge of the triangle, or of a part, that lies in a bisector is a side although nothing was cut off
- * there. */
+/* Marks the sides of a cell on edges of the triangle or part that lie in a bisector, where clipping cut
+ * nothing off. */
 static void mark_sides_on_edges(const descent *d, size_t base, size_t count, size_t own, polygon *p)
 {
     const uint32_t *list = d->list + base;
@@ -407,7 +409,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
     if (area <= MARGIN * t->of->area * LEAST_PART)
-        return true; /* an edge in a bisector: the triangle beyond it has the side */
+        return true; /* the edge lies in a bisector: the adjacent triangle has the side */
     if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE || p.behind[k] < site) continue;
@@ -425,7 +427,7 @@ static void measure_uncovered(descent *d, const part *t)
     search_polygon(d, &p, (vec3){0, 0, 0}, t->of, &d->farthest[t->of->patch], true);
 }
 
-/* One half of a triangle, divided at the middle of its longest edge. */
+/* Half k of a triangle that is divided at the midpoint of its longest edge. */
 static part half_of(const part *t, int longest, int k)
 {
     part out = *t;
@@ -448,35 +450,35 @@ static int longest_edge(const part *t, double *length)
     return longest;
 }
 
-/* Whether a site is farther from all corners than another one: it is then farther from every place of the
- * triangle, since the difference of the squares is linear. */
+/* Whether a site is farther from all corners than another site. It is then farther from every place of the
+ * triangle, since the difference of the squared distances is linear. */
 static bool is_dominated(const corner_distances *d, const corner_distances *by)
 {
     return d->of[0] > by->of[0] * (1 + MARGIN) && d->of[1] > by->of[1] * (1 + MARGIN) &&
            d->of[2] > by->of[2] * (1 + MARGIN);
 }
 
-/* The site that is nearest to a corner, or to all of them. */
+/* The site that is nearest to a corner, or nearest to all corners in the worst case. */
 typedef struct judge {
     uint32_t site;
     double least;
     corner_distances at;
 } judge;
 
-/* Sites in one place do not dominate each other, and no division separates them. All but the first are
- * discarded. */
+/* Whether a site coincides with an earlier one. Coincident sites do not dominate each other and no division
+ * separates them, so that only the first is kept. */
 static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
 {
     return by->site < site && is_equally_far(at, &by->at, 0) && is_equally_far(at, &by->at, 1) &&
            is_equally_far(at, &by->at, 2);
 }
 
-/* The corners of a part that its candidates have no distances from yet: of the half of a triangle the new
- * one. */
+/* Value of `changed` for a part whose distances from the candidates are unknown at all corners; otherwise it
+ * is the new corner of a half. */
 enum { ALL_CORNERS = 3 };
 
-/* Pushes those of `count` candidates from `from` on that the sites nearest to each corner, and to all
- * three, do not dominate. */
+/* Pushes the candidates, of `count` from `from`, that are not dominated by the sites nearest to each corner
+ * and to all three. */
 static void push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     enum { JUDGES = 4 };
@@ -509,8 +511,8 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
     }
 }
 
-/* `count` candidates from `from` on, which all belong to the triangle's piece and do not lie on opposite
- * walls. */
+/* Processes a part with the candidates `from` .. `from` + `count` - 1. All belong to the triangle's piece,
+ * and none is on an opposite wall. */
 static bool visit_part(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     const size_t base = d->top;
@@ -525,7 +527,7 @@ static bool visit_part(descent *d, const part *t, int changed, size_t from, size
             const part half = half_of(t, longest, k);
             ok = visit_part(d, &half, k == 0 ? (longest + 1) % 3 : longest, base, chosen);
         }
-    } else { /* of more candidates the first are used */
+    } else { /* the part is too small to divide: uses the first candidates only */
         const size_t used = chosen < MOST_CANDIDATES ? chosen : MOST_CANDIDATES;
         for (size_t k = 0; ok && k < used; k++) ok = clip_cell(d, t, base, used, k);
     }
@@ -540,7 +542,7 @@ static bool is_candidate(const sites *s, uint32_t i, const facet *t)
 
 typedef struct collection {
     descent *d;
-    const facet *of; /* NULL: every point */
+    const facet *of; /* the triangle whose candidates are collected; NULL: all points are */
     bool ok;
 } collection;
 
@@ -552,7 +554,7 @@ static void collect(void *context, uint32_t i)
     if (c->ok) c->d->list[c->d->top++] = i;
 }
 
-/* Pushes the points within `reach` of x: all, or the candidates of a triangle. */
+/* Pushes the points within `reach` of x: all, or those that are candidates of a triangle. */
 static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
 {
     collection c = {d, of, true};
@@ -560,7 +562,7 @@ static bool collect_within(descent *d, vec3 x, double reach, const facet *of)
     return c.ok;
 }
 
-/* The distance from the centroid of the nearest of the candidates from `base` on. */
+/* The smallest distance of the candidates from `base` on from the centroid. */
 static double nearest_candidate(const descent *d, size_t base, vec3 centroid)
 {
     double nearest2 = INFINITY;
@@ -580,7 +582,8 @@ static void remove_far_candidates(descent *d, size_t base, vec3 centroid, double
             d->list[d->top++] = d->list[k];
 }
 
-/* The radius of a sphere around a part of the surface, and the point nearest to its centre. */
+/* Radius of a sphere around a part of the surface; distance and spacing of the point nearest to its
+ * centre. */
 typedef struct surroundings {
     double radius, nearest, spacing;
 } surroundings;
@@ -599,7 +602,7 @@ static double part_radius(const part *t, vec3 centroid)
     return radius;
 }
 
-/* Finishes a part whose candidates, from `base` on, are complete within `complete` of its centroid. */
+/* Processes a part whose candidates, from `base` on, are complete within `complete` of its centroid. */
 static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centroid, double radius,
                              double complete)
 {
@@ -619,7 +622,7 @@ static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centro
     return ok;
 }
 
-/* A part without candidates: a large one is divided first, along the surface. */
+/* Processes a part without candidates. A large part is divided first. */
 static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
@@ -638,7 +641,7 @@ static bool visit_large_part(descent *d, const part *t)
            visit_candidates(d, t, base, centroid, at.radius, reach);
 }
 
-/* `from` NULL: there are no candidates yet. */
+/* Processes a triangle. `from` NULL: there are no candidates yet. */
 static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
 {
     const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
@@ -654,14 +657,14 @@ static bool visit_triangle(descent *d, const facet *t, const candidates *from, v
 
 /* ---- nodes */
 
-/* Whether every place of a sphere is so near to the site of its cell that its distances change nothing. */
+/* Whether every place of a sphere is so near to a point that its distance cannot raise the maximum. */
 static bool is_covered(const descent *d, uint32_t patch, vec3 centre, double radius, uint32_t site)
 {
     const double most = (vec3_norm(vec3_sub(d->s->position[site], centre)) + radius) / d->s->spacing[site];
     return most <= COVERAGE_MISSING && patch != FACETS_MIXED && most <= d->farthest[patch];
 }
 
-/* Whether an item lies in one cell, of *site, as the candidates show that face all of it. */
+/* Whether an item lies in one cell, that of *site, according to the candidates that face all of it. */
 static bool is_in_one_cell(const descent *d, const candidates *from, const facets_item *item, uint32_t *site)
 {
     double nearest2 = INFINITY, second2 = INFINITY;
@@ -710,7 +713,7 @@ static bool visit_small_node(descent *d, uint32_t node, const candidates *from, 
     return ok;
 }
 
-/* A node without candidates. */
+/* Processes a node without candidates. */
 static bool visit_node(descent *d, uint32_t node)
 {
     const facets_node *n = &d->f->node[node];
@@ -729,7 +732,7 @@ static bool visit_node(descent *d, uint32_t node)
     return ok;
 }
 
-/* ---- the first bound of the distances */
+/* ---- lower bounds of the largest distances */
 
 /* Whether a place is part of the surface (clip_by_domain). */
 static bool is_in_domain(const facets *f, vec3 x)
@@ -738,7 +741,7 @@ static bool is_in_domain(const facets *f, vec3 x)
     return !of || !of->open || bbox_contains(of->boundary_box, x);
 }
 
-/* Raises the bound of an item's patch by one of its places. */
+/* Raises the bound of an item's patch by the distance of one of its places. */
 static void probe_item(const build_job *job, size_t k, double *known)
 {
     facet t[FIELD_CELL_TRIANGLES];
@@ -764,8 +767,8 @@ static void probe_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) probe_item(job, k * job->f->item_count / count, known);
 }
 
-/* The largest distance at places of some items. With it as a lower bound, tasks discard most searches
- * immediately. */
+/* Computes the largest distance at places of some items. With this lower bound, tasks discard most searches
+ * at once. */
 static void probe(const build_job *job, size_t workers, threads *pool, double *known)
 {
     const size_t patches = job->f->in.patch_count;
@@ -776,8 +779,8 @@ static void probe(const build_job *job, size_t workers, threads *pool, double *k
 
 /* ---- tasks */
 
-/* What a task finds must not depend on those before it on the same thread, so each begins with the same
- * known distances. */
+/* Each task begins with the same known distances, so that its result does not depend on the tasks that the
+ * thread did before. */
 static void run_tasks(void *context, int worker, size_t begin, size_t end)
 {
     const build_job *job = context;
@@ -796,10 +799,10 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
 
 /* ---- sums */
 
-/* Pairs of sites and the lengths of their sides: open addressing, in a table that is at most three
- * quarters full. */
+/* Hash table with open addressing, at most three quarters full: pairs of sites, and the length of their
+ * sides. */
 typedef struct side_table {
-    voronoi_side *entry; /* b == 0: free */
+    voronoi_side *entry; /* b == 0: the entry is free */
     size_t room, count;  /* room: a power of two */
 } side_table;
 
@@ -855,7 +858,7 @@ static bool settle_task(task *t, restricted_voronoi *out, side_table *table, err
 
 /* ---- the division into tasks */
 
-/* Descends to nodes of at most `most` items; returns the number of tasks. */
+/* Divides the hierarchy at nodes of at most `most` items. Returns the number of tasks. */
 static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
 {
     const facets_node *n = &f->node[node];

@@ -18,16 +18,17 @@
 /* Two cells that share a side. */
 typedef struct voronoi_side {
     uint32_t a, b; /* a < b */
-    double length; /* of all sides that they share */
+    double length; /* total length of their common sides */
 } voronoi_side;
 
 typedef struct restricted_voronoi {
-    double *area;       /* of the cell of each point */
+    double *area;       /* per point: area of its cell */
     voronoi_side *side; /* each pair of cells once, in a fixed order */
     size_t side_count;
-    /* of each patch: the largest distance of a place from its nearest point, over that point's spacing */
+    /* per patch: the largest distance of a place from its nearest point, over the spacing of that point */
     double *farthest;
-    double missing; /* area farther than COVERAGE_MISSING from all points that are not of an opposite wall */
+    double missing; /* area of the places farther than COVERAGE_MISSING spacings from all points that are not
+                     * on an opposite wall */
 } restricted_voronoi;
 
 /* Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,

@@ -15,7 +15,7 @@ void sites_gather(const sites_copies *c, size_t points, uint32_t *side, vec3 *no
 {
     for (size_t k = 0; k < c->count; k++) side[point_of(c, k) + 1]++;
     for (size_t i = 0; i < points; i++) side[i + 1] += side[i];
-    for (size_t k = c->count; k-- > 0;) { /* fills each from its end, and leaves side[i + 1] at its begin */
+    for (size_t k = c->count; k-- > 0;) { /* fills each range from its end; side[i + 1] becomes its begin */
         const uint32_t at = --side[point_of(c, k) + 1];
         patch[at] = c->patch ? c->patch[k] : 0;
         if (c->normal) normal[at] = c->normal[k];

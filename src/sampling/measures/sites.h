@@ -23,16 +23,16 @@
 typedef struct sites {
     size_t count;
     const vec3 *position;
-    const double *spacing; /* h at each, > 0 */
-    const uint32_t *piece; /* of the surface */
+    const double *spacing; /* requested spacing h of each point, > 0 */
+    const uint32_t *piece; /* per point: its piece of the surface */
     /* count + 1: the normals of point i are normal[side[i]] .. normal[side[i + 1] - 1]; at least one */
     const uint32_t *side;
     const vec3 *normal;
-    const bool *one_sided; /* of each normal: its sign has no meaning */
-    const uint32_t *patch; /* of each normal */
+    const bool *one_sided; /* per normal: its sign is arbitrary */
+    const uint32_t *patch; /* per normal */
     const uint32_t (*patch_labels)
-        [2]; /* NULL, or of each patch the labels that it separates; normals point from the first to the
-              * second */
+        [2]; /* per patch: the labels that it separates; normals point from the first to the second; or
+              * NULL */
     double largest_spacing;
     const cell_list *near; /* of `position` */
 } sites;
@@ -40,7 +40,7 @@ typedef struct sites {
 /* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points
  * in their order. */
 typedef struct sites_copies {
-    size_t count;          /* of copies */
+    size_t count;          /* number of copies */
     const vec3 *normal;    /* NULL: not known */
     const uint32_t *point; /* NULL: copy i is point i */
     const uint32_t *patch; /* NULL: one patch */

@@ -12,14 +12,13 @@
 
 enum { LANES = FAST_KERNEL_LANES };
 
-/* Added to w^2, which is 2.47 at the support: coincident particles get a positive distance, and at other
- * distances it vanishes in rounding. */
+/* Added to w^2, which is 2.47 at the support: gives coincident particles a positive distance, and is lost in
+ * rounding at other distances. */
 static const float CLOSEST = 2.5e-10f;
-/* The potential of a neighbour at a twentieth of the support, and no more, scales what the turning of
- * normals adds. */
+/* Maximum potential that scales the turning of normals: the value at a twentieth of the support. */
 static const float TURNING_MOST = 11.24f;
 
-/* (11)(12) in the tangent frame. */
+/* The step (11)(12) in the tangent frame. */
 ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces *f,
                      const fast_kernel_params *params, fast_kernel_way *out)
 {
@@ -52,7 +51,7 @@ ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces 
     for (int l = 0; l < LANES; l++) out->ends_well[l] = well[l] > 0;
 }
 
-/* Loops of one kind of number each: the compiler makes vectors of those. */
+/* Each loop has numbers of one type only, so that the compiler vectorises it. */
 ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params *params, fast_kernel_way *way)
 {
     double well[LANES];
@@ -115,7 +114,7 @@ ISA_INLINE __m128i entry_at(const void *from, const uint32_t *list, size_t k)
 #define VERSION_LEAST(a, b) ((VERSION(floats))_mm256_min_ps((__m256)(a), (__m256)(b)))
 #define VERSION_ROOT(x) ((VERSION(floats))_mm256_sqrt_ps((__m256)(x)))
 #include "sampling/packing/fast_kernel_pairs.h"
-/* Entry by entry, and turned in registers. */
+/* Loads the entries of eight lanes and transposes them in registers. */
 ISA_INLINE void load_avx2(const void *from, const uint32_t *const list[], size_t k, row_avx2 *out)
 {
     __m256i p[4];

@@ -32,7 +32,8 @@
 typedef struct fast_kernel_particles {
     const uint32_t *list[FAST_KERNEL_LANES];
     uint32_t count[FAST_KERNEL_LANES];
-    int32_t x[FAST_KERNEL_LANES], y[FAST_KERNEL_LANES], z[FAST_KERNEL_LANES]; /* as in neighbours_place */
+    /* position and size, as in neighbours_place */
+    int32_t x[FAST_KERNEL_LANES], y[FAST_KERNEL_LANES], z[FAST_KERNEL_LANES];
     float size[FAST_KERNEL_LANES];
     /* longest displacement that keeps the lists valid, world units */
     float allowed_step[FAST_KERNEL_LANES];

@@ -1,24 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-/* fast_kernel_pairs: what fast_kernel.c compiles once for each instruction set, with VERSION(name) the name
- * that it has there, VERSION_WIDTH the particles that are summed at a time, and VERSION_ROOT(x),
- * VERSION_LEAST(a, b) of vectors of as many floats. Not a header for others, and without a guard: it is
- * included again and again. (Vectors go by pointer: passed by value, they have one ABI with AVX and
- * another without. Sums over lanes are left to no loop: GCC 12 drops stores from one.) */
+/* fast_kernel_pairs: the part that fast_kernel.c compiles once for each instruction set. VERSION(name): the
+ * name for this set. VERSION_WIDTH: number of particles that are summed at a time. VERSION_ROOT(x),
+ * VERSION_LEAST(a, b): functions of vectors of this number of floats. Only fast_kernel.c includes this file,
+ * several times; it has no include guard. (Vectors are passed by pointer: the ABI for passing them by value
+ * differs with and without AVX. Sums over lanes are not written as loops: GCC 12 drops stores from such
+ * loops.) */
 
 typedef float VERSION(floats) __attribute__((vector_size(4 * VERSION_WIDTH)));
 typedef int32_t VERSION(ints) __attribute__((vector_size(4 * VERSION_WIDTH)));
 
-/* Lane by lane a where `which` is set, else b. */
+/* Per lane: a where `which` is set, otherwise b. */
 #define VERSION_CHOOSE(which, a, b) \
     ((VERSION(floats))(((VERSION(ints))(a) & (which)) | ((VERSION(ints))(b) & ~(which))))
 #define VERSION_ALL(number) ((VERSION(floats)){0} + (number))
 
-/* One neighbour of each particle: its place and size, or its normal. */
+/* One neighbour of each particle: its position and size, or its normal. */
 typedef struct VERSION(row) {
     VERSION(ints) x, y, z, rest;
 } VERSION(row);
 
-/* The particles, and what follows from their sizes. */
+/* The particles, and values derived from their sizes. */
 typedef struct VERSION(own) {
     VERSION(ints) x, y, z, count;
     VERSION(floats) size, half, stiffness;
@@ -31,8 +32,8 @@ typedef struct VERSION(sums) {
 
 ISA_INLINE void VERSION(load)(const void *from, const uint32_t *const list[], size_t k, VERSION(row) * out);
 
-/* w cot w for q = w^2, w in [0, pi/2]: least squares on Chebyshev nodes, within 5e-8; with rounding 2e-7. In
- * Estrin's order, which has the shortest chain. */
+/* w cot w as a polynomial in q = w^2, w in [0, pi/2]: least squares on Chebyshev nodes, error 5e-8, with
+ * rounding 2e-7. Estrin's scheme, which has the shortest chain of dependent operations. */
 ISA_INLINE void VERSION(wcotw)(const VERSION(floats) * of, VERSION(floats) * out)
 {
     const VERSION(floats) q = *of, q2 = q * q, q4 = q2 * q2;
@@ -41,7 +42,7 @@ ISA_INLINE void VERSION(wcotw)(const VERSION(floats) * of, VERSION(floats) * out
     *out = low - ((2.38374932e-04f + 6.85017157e-06f * q) + 5.74249429e-06f * q2) * q4;
 }
 
-/* Particles from `first` on, and the frames of vec3_frame, in single precision. */
+/* Loads the particles from `first` on, and computes their frames as vec3_frame does, in single precision. */
 ISA_INLINE void VERSION(set_up)(const fast_kernel_particles *from, int first, float reach, VERSION(own) * out)
 {
     VERSION(floats) x, y, z;
@@ -70,7 +71,7 @@ ISA_INLINE void VERSION(set_up)(const fast_kernel_particles *from, int first, fl
     out->stiffness = (reach * out->half) * (reach * out->half);
 }
 
-/* How two normals face each other, as in pair_weigh: t, of which the weight is t t (3 - 2 t). */
+/* Computes t from two normals, as in pair_weigh; the weight is t t (3 - 2 t). */
 ISA_INLINE void VERSION(face)(const VERSION(own) * own, const VERSION(row) * n, VERSION(floats) * out)
 {
     const VERSION(floats) cosine =
@@ -83,15 +84,17 @@ ISA_INLINE void VERSION(face)(const VERSION(own) * own, const VERSION(row) * n, 
 /* A pair of each particle with its neighbour. */
 typedef struct VERSION(pair) {
     VERSION(floats) dx, dy, dz, r2;
-    VERSION(floats)
-    scale2, share2;         /* of squared distances to w^2 = (u pi / 2)^2; of the energy, by the sizes */
-    VERSION(floats) q;      /* w^2 */
-    VERSION(floats) counts; /* 1, or 0: beyond the support or the list; less by how they face each other */
-    VERSION(floats) bend_facing; /* what `counts` grows by with the cosine */
+    /* scale2: w^2 = (u pi / 2)^2 per squared distance; share2: factor on the energy, from the sizes */
+    VERSION(floats) scale2, share2;
+    VERSION(floats) q; /* w^2 */
+    /* weight: 1; 0 beyond the support or the end of the list; reduced by the facing weight */
+    VERSION(floats) counts;
+    VERSION(floats) bend_facing; /* derivative of the weight with respect to the cosine */
     VERSION(row) normal;
 } VERSION(pair);
 
-/* Neighbour k of each. With `normal` pairs are weighed: a constant where this is expanded. */
+/* Computes the pair of each particle with its neighbour k. With `normal`, a compile-time constant, pairs
+ * have facing weights. */
 ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_normal *normal,
                               const uint32_t *const list[], uint32_t k, const VERSION(own) * own, float reach,
                               VERSION(pair) * out)
@@ -104,8 +107,8 @@ ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_n
     out->dx = __builtin_convertvector(own->x - b.x, VERSION(floats));
     out->dy = __builtin_convertvector(own->y - b.y, VERSION(floats));
     out->dz = __builtin_convertvector(own->z - b.z, VERSION(floats));
-    /* Behind its list a particle may find itself: far away, since powers of a w^2 of 0 would be denormal,
-     * which is slow. */
+    /* Entries beyond the end of a list may be the particle itself. They get an infinite distance: powers of
+     * w^2 = 0 would be denormal numbers, which are slow. */
     out->r2 = out->dx * out->dx + out->dy * out->dy + out->dz * out->dz +
               (VERSION(floats))((VERSION(ints))VERSION_ALL(INFINITY) & (own->count <= (int32_t)k));
     out->scale2 = scale * scale;
@@ -121,7 +124,7 @@ ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_n
     }
 }
 
-/* w cot w, and 1 / w: by 1 / q and the root, of which neither waits for the other. */
+/* w cot w, and 1 / w. 1 / w is computed from 1 / q and the root, which do not depend on each other. */
 ISA_INLINE void VERSION(turn)(const VERSION(pair) * p, VERSION(floats) * wcot, VERSION(floats) * up,
                               VERSION(floats) * over)
 {
@@ -167,7 +170,7 @@ ISA_INLINE void VERSION(add_energy)(const VERSION(pair) * p, VERSION(floats) * s
     *sum += p->counts * p->share2 * ((wcot + p->q) * over - (float)M_PI_2);
 }
 
-/* The longest of the lists from `first` on. */
+/* The length of the longest list of the particles from `first` on. */
 static inline uint32_t VERSION(longest)(const fast_kernel_particles *own, int first)
 {
     uint32_t most = 0;
@@ -175,7 +178,8 @@ static inline uint32_t VERSION(longest)(const fast_kernel_particles *own, int fi
     return most;
 }
 
-/* All pairs of some particles. The places of the next are loaded before one is summed: a sum takes long. */
+/* Sums all pairs of some particles. The next neighbours are loaded before the current ones are summed, to
+ * hide the latency. */
 ISA_INLINE void VERSION(sum_pairs)(const neighbours_place *place, const fast_kernel_normal *normal,
                                    const uint32_t *const list[], uint32_t most, const VERSION(own) * own,
                                    float reach, VERSION(sums) * out)
@@ -197,7 +201,8 @@ static void VERSION(forces)(const neighbours_place *place, const fast_kernel_par
         const uint32_t *const *list = particles->list + first;
         const uint32_t most = VERSION(longest)(particles, first);
         VERSION(own) own;
-        VERSION(sums) sums; /* one by one: together they are cleared by a slow string instruction */
+        VERSION(sums) sums;
+        /* set separately: the compiler clears the whole struct with a slow string instruction */
         sums.energy = sums.pairs = sums.d1 = sums.d2 = sums.h11 = sums.h12 = sums.h22 = VERSION_ALL(0);
         sums.turning[0] = sums.turning[1] = sums.turning[2] = VERSION_ALL(0);
         sums.nearest2 = VERSION_ALL(INFINITY);

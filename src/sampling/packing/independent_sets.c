@@ -7,12 +7,13 @@
 
 #include "base/core/isa.h"
 
-/* How many sets are being filled at a time: an even packing needs about eight until the first are full. */
+/* Number of sets that are filled at the same time. An even packing needs about eight until the first ones
+ * are full. */
 enum { OPEN = 16 };
-/* Points of two groups, at most. */
+/* Maximum number of points of two groups. */
 static const size_t TWO_GROUPS = 3072;
 
-/* Far from every place, yet no difference to a place overflows. */
+/* Position of unused entries: far from every point, and differences from it do not overflow. */
 static const int32_t NOWHERE = INT32_MAX;
 
 typedef struct independent_set {
@@ -31,7 +32,7 @@ static void clear(independent_set *s)
     }
 }
 
-/* Whether no point of the set is a neighbour of the point at p, and so may take it. */
+/* Whether the set can take the point at p: no point of it is a neighbour. */
 ISA_INLINE bool may_take(const independent_set *s, const neighbours_place *p, float half_cutoff2)
 {
     int32_t near = 0;
@@ -62,7 +63,8 @@ static uint32_t *write_set(const independent_set *s, uint32_t *to)
     return to + s->count;
 }
 
-/* Each point goes to the first set that may take it. Never more points have been written than read. */
+/* Adds each point to the first set that can take it. Works in place: never more points have been written
+ * than read. */
 ISA_CLONES static void form(neighbours *n, uint32_t begin, uint32_t end)
 {
     independent_set open[OPEN];
@@ -95,7 +97,8 @@ size_t independent_sets_groups(const neighbours *n, int colour)
     return 2 * ((end - begin + TWO_GROUPS - 1) / TWO_GROUPS);
 }
 
-/* A block is of the group that its middle point falls to when the colour's points are shared out equally. */
+/* Groups have nearly equal numbers of points. A block belongs to the group to which its middle point belongs
+ * if the colour's points are divided equally. */
 size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group)
 {
     uint32_t begin, end;

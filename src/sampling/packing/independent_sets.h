@@ -23,8 +23,8 @@
  * threads have equal work. */
 size_t independent_sets_groups(const neighbours *n, int colour);
 
-/* The first block of a group, in the order of updates; for the number of groups, the end of the colour. A
- * group may be empty. */
+/* The first block of a group, in the order of updates. For `group` equal to the number of groups: the end of
+ * the colour. A group may be empty. */
 size_t independent_sets_group_begin(const neighbours *n, int colour, size_t group);
 
 /* Sorts the points of each group in `bin_item` by sets. Afterwards `bin_item` is valid for the functions

@@ -8,13 +8,14 @@
 #include "base/core/memory.h"
 
 static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
-/* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room
- * for more. */
+/* Assumed points per bin and bins per block for the initial allocation; a surface has about six and sixty.
+ * The arrays grow if necessary. */
 static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
-enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK }; /* of points; of a table of a chunk's spots */
-enum { BLOCK_CHUNK = 64 };                     /* of blocks */
+/* Points in a chunk of work, and slots of the hash table of a chunk's spots. */
+enum { CHUNK = 4096, SPOT_SLOTS = 2 * CHUNK };
+enum { BLOCK_CHUNK = 64 }; /* blocks in a chunk of work */
 
-/* Bins with points are no more than points; those above them rarely as many again. */
+/* There are at most as many bins with points as points. Bins above them are rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
 {
     const char *what = "neighbour lists";
@@ -59,7 +60,7 @@ static place parent_of(const place *p)
     return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
 }
 
-/* The block of the last lookup: usually the next lookup is of the same block. */
+/* The block of the last lookup; the next lookup is mostly in the same block. */
 typedef struct visit {
     uint64_t key;
     uint32_t block;
@@ -67,15 +68,14 @@ typedef struct visit {
 
 #define NO_CELL UINT32_MAX
 
-/* Where a bin is: its cell, and its block's key above that. */
+/* The key of a bin: its cell in the lower bits, the key of its block above. */
 static uint64_t spot_of(const place *bin)
 {
     const place block = block_of(bin);
     return key_of(&block) << 3 * BLOCK_SHIFT | cell_of(bin);
 }
 
-/* Where in `cell` the cell of a spot is. If it had no bin it has one now; NO_CELL when there is no room
- * for that. */
+/* The index in `cell` of a spot's cell. Creates its bin if it has none. NO_CELL: the arrays are full. */
 static uint32_t cell_at(neighbours *n, uint64_t spot, visit *last)
 {
     const uint64_t key = spot >> 3 * BLOCK_SHIFT;
@@ -99,7 +99,7 @@ static uint32_t cell_at(neighbours *n, uint64_t spot, visit *last)
     return at;
 }
 
-/* Where a point's bin is. */
+/* The bin of a point. */
 static place place_at(const neighbours_place *p, double scale, double size_scale)
 {
     double over = (double)p->size * size_scale;
@@ -110,16 +110,17 @@ static place place_at(const neighbours_place *p, double scale, double size_scale
                     (int64_t)(p->z * scale) >> level}};
 }
 
-/* Finds the spots of a chunk's points, each once, in the order of the points. Until there are lists,
- * list_begin holds of each point its spot's number within the chunk. For the k-th spot of a chunk that begins
- * with point b, `list` holds its position, as a uint64_t at b + k, bin_item[b + k] how many points the chunk
- * has, and list_count[b + k] its cell, its bin, then where in bin_item the chunk's points of that bin go;
- * bin_item ends with a 0. */
+/* Finds the spots (bins) of a chunk's points, each once, in the order of the points. The arrays of the lists
+ * serve as scratch memory. list_begin of a point: the index of its spot within the chunk. For the k-th spot
+ * of a chunk that begins with point b: `list` has its key, as a uint64_t at b + k; bin_item[b + k] has the
+ * number of the chunk's points in it; list_count[b + k] has its cell, then its bin, then the position in
+ * bin_item of the chunk's points in this bin. bin_item ends with a 0. */
 static void spot_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
     uint64_t *spot = (uint64_t *)n->list + begin;
-    uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* open addressing: the spot's number + 1, or 0 */
+    uint16_t slot[SPOT_SLOTS] = {0}, spots = 0; /* hash table with open addressing: index of the spot + 1, or
+                                                 * 0 */
     (void)worker;
     assert(end - begin <= CHUNK && 2 * end <= n->list_capacity);
     for (size_t i = begin; i < end; i++) {
@@ -138,13 +139,13 @@ static void spot_chunk(void *context, int worker, size_t begin, size_t end)
     if (begin + spots < end) n->bin_item[begin + spots] = 0;
 }
 
-/* Whether the chunk that begins with a point has a spot k. */
+/* Whether the chunk that begins with a point has a spot with index k. */
 static inline bool has_spot(const neighbours *n, size_t begin, size_t k)
 {
     return k < n->count && k < begin + CHUNK && n->bin_item[k] > 0;
 }
 
-/* Makes the bins above those of a level; false when there are more than there is room for. */
+/* Creates the bins above those of a level. False: the arrays are full. */
 static bool split_level(neighbours *n, int level, visit *last)
 {
     for (size_t b = 0; b < n->blocks; b++) {
@@ -161,9 +162,8 @@ static bool split_level(neighbours *n, int level, visit *last)
     return true;
 }
 
-/* Bins are numbered within their blocks as points first fall into them, so their order follows that of the
- * points; then come those that have only bins below them. False when there are more than there is room
- * for. */
+/* Numbers the bins of each block in the order in which points first fall into them; bins that only contain
+ * finer bins come last. False: the arrays are full. */
 static bool number_bins(neighbours *n)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);
@@ -188,7 +188,7 @@ static int colour_of(uint64_t key)
                  (key >> 3 * BLOCK_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
 }
 
-/* Puts the blocks in the order of their colours, and their bins one after the other. */
+/* Sorts the blocks by colour, and numbers their bins consecutively. */
 static void sort_blocks(neighbours *n)
 {
     n->colours = 8 * n->levels;
@@ -200,7 +200,8 @@ static void sort_blocks(neighbours *n)
         next[c] = n->colour_begin[c];
     }
     for (size_t b = 0; b < n->blocks; b++) {
-        n->block_first[b] = next[colour_of(n->block_key[b])]++; /* its place among the blocks */
+        /* position of the block in the order */
+        n->block_first[b] = next[colour_of(n->block_key[b])]++;
         n->block_begin[n->block_first[b]] = n->block_size[b];
     }
     uint32_t total = 0;
@@ -212,7 +213,7 @@ static void sort_blocks(neighbours *n)
     for (size_t b = 0; b < n->blocks; b++) n->block_first[b] = n->block_begin[n->block_first[b]];
 }
 
-/* Stores the cells of the bins of blocks; most cells have none. */
+/* Stores the cells of the bins of blocks; most cells have no bin. */
 static void cell_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const neighbours *n = context;
@@ -229,7 +230,7 @@ static void cell_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Turns the cells of a chunk's spots into bins. */
+/* Replaces the cells of a chunk's spots by bins. */
 static void bin_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;
@@ -240,20 +241,20 @@ static void bin_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Turns the bins of all spots into where the chunk's points of a bin go: the first chunk's first. */
+/* Replaces the bin of each spot by the position of its points in bin_item, chunk after chunk. */
 static void place_spots(neighbours *n)
 {
     memset(n->bin_begin, 0, (n->bin_count + 1) * sizeof *n->bin_begin);
     for (size_t begin = 0; begin < n->count; begin += CHUNK)
         for (size_t k = begin; has_spot(n, begin, k); k++) n->bin_begin[n->list_count[k]] += n->bin_item[k];
-    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
+    uint32_t total = 0; /* counts become ends of ranges; filling from the back turns these into begins */
     for (size_t b = 0; b <= n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
     for (size_t begin = n->count / CHUNK * CHUNK + CHUNK; begin >= CHUNK;)
         for (size_t k = begin -= CHUNK; has_spot(n, begin, k); k++)
             n->list_count[k] = n->bin_begin[n->list_count[k]] -= n->bin_item[k];
 }
 
-/* Puts a chunk's points into their bins, behind those of the chunks before. */
+/* Stores a chunk's points in their bins, after those of earlier chunks. */
 static void item_chunk(void *context, int worker, size_t begin, size_t end)
 {
     neighbours *n = context;

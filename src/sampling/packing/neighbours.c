@@ -14,15 +14,17 @@
 #include "geometry/space/bbox.h"
 #include "sampling/packing/neighbour_bins.h"
 
-static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
-/* Of a list, on average: an even packing under the widest skin has 19. Bins need room for two on the way. */
+static const int PLACE_BITS = 30; /* bits of a coordinate: differences fit into 32 bits, with a margin for
+                                   * moving points */
+/* Expected mean length of a list; an even packing with the widest skin has 19. Sorting into bins needs two
+ * entries per point. */
 static const size_t FIRST_ENTRIES = 20;
 /* Bins are slightly wider than the cutoff of the largest size of their level, so that rounding cannot move a
  * point to the next level. */
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
-enum { CHUNK = 4096 }; /* of points */
-/* A block with the bins next to it: cells along each axis. */
+enum { CHUNK = 4096 }; /* points in a chunk of work */
+/* A block with its adjacent bins: number of cells along each axis, and in total. */
 enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
 
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
@@ -62,7 +64,7 @@ void neighbours_free(neighbours *n)
     free(n);
 }
 
-/* Points in arrays for the vector unit. */
+/* Points as separate arrays, for SIMD. */
 typedef struct candidates {
     size_t count, capacity;
     int32_t *x, *y, *z;
@@ -73,27 +75,28 @@ typedef struct candidates {
 typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
                          uint32_t *found);
 
-/* The cells of a block, and the first of its bins. */
+/* The cells of a block, and the number of its first bin. */
 typedef struct block_cells {
     const uint16_t *cell;
     uint32_t first;
 } block_cells;
 
-/* What one worker needs to list the neighbours of a block's points; no two share a cache line. */
+/* Working memory of one worker; aligned so that two workers share no cache line. */
 typedef struct list_search {
     _Alignas(64) neighbours *n;
-    block_cells around[27]; /* the blocks around the bin's own, and its own in the middle */
+    block_cells around[27]; /* cells of the 27 blocks around the current bin; its own block is in the
+                             * middle */
     struct {
         uint64_t key;
         block_cells cells;
-    } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks of the last lookups */
-    place at;                  /* of the bin at hand */
-    candidates near;           /* points that may be neighbours of its points */
+    } last[NEIGHBOURS_LEVELS]; /* per level: the block of the last lookup */
+    place at;                  /* current bin */
+    candidates near;           /* points that may be neighbours of the points of the current bin */
     candidates
-        all; /* where bins are of one level, the points of the block and of the bins next to it, cell after
+        all; /* if all bins have one level: the points of the block and of the adjacent bins, cell after
               * cell */
-    uint32_t cell_begin[WIDE_CELLS + 1]; /* of these */
-    size_t entries, entry_capacity;      /* the lists, one after the other */
+    uint32_t cell_begin[WIDE_CELLS + 1]; /* ranges of the cells in `all` */
+    size_t entries, entry_capacity;      /* lists of the block, one after the other */
     uint32_t *entry;
 } list_search;
 
@@ -103,10 +106,10 @@ typedef struct build_job {
     const double *size;
     finder find;
     list_search *searches;                       /* one per worker */
-    _Alignas(64) atomic_size_t longest, entries; /* that all write */
+    _Alignas(64) atomic_size_t longest, entries; /* written by all workers */
 } build_job;
 
-/* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
+/* Appends the items whose `hit` is set. Returns the new count. */
 ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t count, uint32_t *found)
 {
     for (int l = 0; l < LANES; l++) {
@@ -117,7 +120,7 @@ ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t c
 }
 
 #ifdef __x86_64__
-/* The entries of which the bit is set, first. */
+/* For each 4-bit mask: the indices of its set bits, first. */
 static const int32_t packed[16][4] = {{0, 0, 0, 0}, {0, 0, 0, 0}, {1, 0, 0, 0}, {0, 1, 0, 0},
                                       {2, 0, 0, 0}, {0, 2, 0, 0}, {1, 2, 0, 0}, {0, 1, 2, 0},
                                       {3, 0, 0, 0}, {0, 3, 0, 0}, {1, 3, 0, 0}, {0, 1, 3, 0},
@@ -137,7 +140,7 @@ ISA_TARGET_AVX2 static inline size_t pack_avx2(const uint32_t hit[LANES], const 
     return count;
 }
 
-/* One instruction, which no compiler makes of the above. */
+/* Uses the compress instruction, which compilers do not generate from the code above. */
 ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], const uint32_t *item,
                                                    size_t count, uint32_t *found)
 {
@@ -151,7 +154,7 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
 #define pack_avx512 pack
 #endif
 
-/* Which of the candidates are neighbours of point i; returns how many. */
+/* Finds the candidates that are neighbours of point i. Returns their number. */
 #define VERSION(name, target, pack)                                                                 \
     target static size_t name(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, \
                               uint32_t *found)                                                      \
@@ -178,7 +181,7 @@ static finder best_finder(void)
     return versions[isa_best()];
 }
 
-/* Room for more, and for what a vector holds beyond. */
+/* Makes room for `more` candidates, rounded up to whole vectors. */
 static void reserve_candidates(candidates *c, size_t more)
 {
     if (c->count + more + LANES <= c->capacity) return;
@@ -199,7 +202,7 @@ static void free_candidates(candidates *c)
     free(c->item);
 }
 
-/* The points of a block's cell; none where it has no bin. */
+/* Appends the points of a cell's bin, if it has one. */
 static void add_bin(const neighbours *n, candidates *c, const block_cells *block, uint32_t cell)
 {
     const uint32_t number = block->cell[cell] & CELL_BIN;
@@ -216,7 +219,7 @@ static void add_bin(const neighbours *n, candidates *c, const block_cells *block
     }
 }
 
-/* Adds the points of `from` from `begin` to `end`, vectors at a time. */
+/* Appends the points `begin` .. `end` of `from`, in whole vectors. */
 ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t end, candidates *to)
 {
     for (size_t b = begin; b < end; b += LANES) {
@@ -230,7 +233,7 @@ ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t en
     to->count += end - begin;
 }
 
-/* No block: no bins. */
+/* The cells of a block; without bins if the block does not exist. */
 static block_cells find_cells(const neighbours *n, uint64_t key)
 {
     static const uint16_t none[BLOCK_CELLS];
@@ -239,7 +242,7 @@ static block_cells find_cells(const neighbours *n, uint64_t key)
                  : (block_cells){none, 0};
 }
 
-/* The same for the block of a bin on another level than the one at hand. */
+/* As find_cells, for a bin of another level than the current one, with a cache of the last block. */
 static const block_cells *cells_of(list_search *s, const place *bin)
 {
     place block = block_of(bin);
@@ -251,7 +254,8 @@ static const block_cells *cells_of(list_search *s, const place *bin)
     return &s->last[bin->level].cells;
 }
 
-/* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
+/* Appends the points of coarser bins, `up` levels above. Their distance from neighbours is at most the mean
+ * of the two edges. */
 static void search_coarser(list_search *s, int up)
 {
     int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
@@ -268,7 +272,7 @@ static void search_coarser(list_search *s, int up)
 
 static void search_finer(list_search *s, const place *parent);
 
-/* A cell's bin and what lies below it. */
+/* Appends the points of a cell's bin and of the finer bins in it. */
 static void search_cell(list_search *s, const block_cells *block, const place *bin)
 {
     const uint32_t cell = cell_of(bin);
@@ -276,7 +280,7 @@ static void search_cell(list_search *s, const block_cells *block, const place *b
     if (block->cell[cell] & CELL_SPLIT) search_finer(s, bin);
 }
 
-/* Likewise those of the levels below, down from a bin that has some. */
+/* Appends the points of the finer bins in a bin that is split. */
 static void search_finer(list_search *s, const place *parent)
 {
     int down = s->at.level - parent->level + 1;
@@ -294,10 +298,10 @@ static void search_finer(list_search *s, const place *parent)
     }
 }
 
-/* The bins around the bin at hand, of its own level. */
+/* Appends the points of the bins around the current bin, of its own level. */
 static void search_level(list_search *s)
 {
-    int low[3]; /* the least of them, from the lowest of the blocks around */
+    int low[3]; /* lowest of these bins, relative to the lowest of the blocks around */
     for (int a = 0; a < 3; a++) low[a] = (int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + BLOCK_WIDTH - 1;
     for (int k = 0; k < 3; k++)
         for (int j = 0; j < 3; j++)
@@ -309,11 +313,12 @@ static void search_level(list_search *s)
             }
 }
 
-/* The points of a block and of the bins next to it, where all bins are of one level: each bin is looked up
- * once, and points of successive bins are contiguous. */
+/* Gathers the points of a block and of the adjacent bins, if all bins have one level. Each bin is looked up
+ * once, and the points of successive bins are contiguous. */
 static void gather_block(list_search *s)
 {
-    const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1; /* from the lowest of the blocks around */
+    /* positions are relative to the lowest of the blocks around */
+    const int mask = BLOCK_WIDTH - 1, end = 2 * BLOCK_WIDTH + 1;
     uint32_t *begin = s->cell_begin;
     s->all.count = 0;
     for (int z = mask; z < end; z++)
@@ -331,7 +336,7 @@ static void gather_block(list_search *s)
     reserve_candidates(&s->all, 0);
 }
 
-/* The points of the bins around the bin at hand, in the order of search_level. */
+/* Appends the gathered points of the bins around the current bin, in the order of search_level. */
 static void search_gathered(list_search *s)
 {
     const int mask = BLOCK_WIDTH - 1;
@@ -344,7 +349,7 @@ static void search_gathered(list_search *s)
         }
 }
 
-/* Leaves those of i's label; returns how many. */
+/* Keeps the neighbours with the label of point i. Returns their number. */
 static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32_t *found)
 {
     size_t kept = 0;
@@ -353,8 +358,8 @@ static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32
     return kept;
 }
 
-/* The lists of the points of the bin at hand, which begin where they do among those of the block. What there
- * is no room for is counted, not kept. */
+/* Makes the lists of the points of the current bin; positions are relative to the lists of the block.
+ * Entries that do not fit are counted, but not stored. */
 static size_t list_bin(list_search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;
@@ -366,7 +371,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     else
         search_level(s);
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
-    for (; c->count % LANES; c->count++) { /* unused entries */
+    for (; c->count % LANES; c->count++) { /* fill the last vector with points that are never neighbours */
         c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
         c->item[c->count] = UINT32_MAX;
         c->size[c->count] = NAN;
@@ -389,7 +394,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     return longest;
 }
 
-/* Where a block's lists are among all is a matter of chance, what they hold is not. */
+/* Stores the lists of a block. Their position in `list` depends on the threads, but their contents do not. */
 static void keep_lists(build_job *job, const list_search *s, uint32_t first, uint32_t last)
 {
     neighbours *n = job->n;
@@ -400,7 +405,7 @@ static void keep_lists(build_job *job, const list_search *s, uint32_t first, uin
         n->list_begin[n->bin_item[a]] += (uint32_t)begin;
 }
 
-/* The lists of a block's points. */
+/* Makes the lists of a block's points. */
 static size_t list_block(build_job *job, list_search *s, size_t block)
 {
     neighbours *n = s->n = job->n;
@@ -416,7 +421,8 @@ static size_t list_block(build_job *job, list_search *s, size_t block)
     if (n->levels == 1) gather_block(s);
     s->entries = 0;
     for (uint32_t bin = begin; bin < end; bin++) {
-        if (n->bin_begin[bin] == n->bin_begin[bin + 1]) continue; /* all are in bins below it */
+        /* all points of this bin are in finer bins */
+        if (n->bin_begin[bin] == n->bin_begin[bin + 1]) continue;
         s->at = place_of_bin(&own, n->bin_cell[bin]);
         size_t l = list_bin(s, job->find, bin);
         if (l > longest) longest = l;
@@ -425,7 +431,7 @@ static size_t list_block(build_job *job, list_search *s, size_t block)
     return longest;
 }
 
-/* Blocks in the order of points: what one reads the next one reads, too. */
+/* Processes blocks in memory order: consecutive blocks use the same adjacent points. */
 static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     build_job *job = context;
@@ -457,7 +463,7 @@ static bool reserve_lists(neighbours *n, size_t entries, error *e)
 }
 
 #ifdef __SANITIZE_ADDRESS__
-/* Too slow for all builds: every entry is another point. */
+/* Checks that lists are valid. Only in the sanitized build, since it is slow. */
 static void check_lists(const neighbours *n)
 {
     for (size_t i = 0; i < n->count; i++) {
@@ -489,7 +495,7 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
         memset(n->list + entries, 0, n->longest * sizeof *n->list);
     }
     if (ok && threads_stopped(pool))
-        ok = error_set(e, ERROR_CANCELLED, "stopped"); /* lists of some are none */
+        ok = error_set(e, ERROR_CANCELLED, "stopped"); /* incomplete lists are not used */
     if (ok) check_lists(n);
     for (list_search *s = job.searches; s < job.searches + workers; s++) {
         free_candidates(&s->near);
@@ -522,12 +528,12 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     assert(count <= n->capacity && cutoff > 0);
     n->count = count;
     n->cutoff = cutoff;
-    /* the largest fill their level: sizes within a factor of two are of one */
+    /* the largest size is the upper limit of its level: sizes within a factor of two have one level */
     const int halves = ilogb(largest / least), most = NEIGHBOURS_LEVELS - 1;
     n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
-    /* one bin of margin on any level, so that the bins around one have no negative coordinate */
+    /* a margin of one bin of any level: adjacent bins have no negative coordinates */
     double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
-    /* and blocks beside the last have coordinates of as many bits */
+    /* coordinates of blocks, adjacent ones included, fit into BLOCK_BITS */
     if (span / n->edge > (1 << (BLOCK_BITS + BLOCK_SHIFT)) - 2 * BLOCK_WIDTH)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the support %g is too small for a surface of size %g: ask for fewer points",

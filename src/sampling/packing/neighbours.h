@@ -42,36 +42,37 @@ typedef struct neighbours_place {
 typedef struct neighbours {
     size_t capacity; /* maximum number of points */
     size_t count;
-    double cutoff; /* of points of size 1 */
-    double edge;   /* of the bins of level 0 */
-    int levels;    /* in use */
+    double cutoff; /* cutoff for two points of size 1 */
+    double edge;   /* edge of a bin of level 0 */
+    int levels;    /* number of levels in use */
 
-    size_t bin_capacity, bin_count; /* of bins, numbered block by block in the order of updates */
+    size_t bin_capacity, bin_count; /* bins are numbered block by block, in the order of updates */
     uint32_t *bin_begin;            /* bins + 1: the bin's points in `bin_item` */
-    uint16_t *bin_cell;             /* which cell of its block it is */
+    uint16_t *bin_cell;             /* per bin: index of its cell in its block */
     uint32_t *bin_item;             /* points by bin, ascending; or as independent_sets_form leaves them */
     vec3 origin;
-    double unit, per_unit;   /* of places, world; its inverse */
-    neighbours_place *place; /* of each point, at the build or since neighbours_move */
+    double unit, per_unit;   /* world units per unit of place, and its inverse */
+    neighbours_place *place; /* per point: position and size at the build, or after neighbours_move */
 
     size_t block_capacity, blocks;
     uint32_t *table;     /* open addressing: block + 1, or 0 */
     size_t table_size;   /* a power of two */
-    uint64_t *block_key; /* where it is */
-    /* of each block, in rows along x: CELL_BIN, CELL_SPLIT */
+    uint64_t *block_key; /* per block: its level and coordinates */
+    /* cells of each block, in rows along x: CELL_BIN, CELL_SPLIT */
     uint16_t *cell;
-    uint32_t *block_first;                         /* of each block the first of its bins */
-    uint32_t *block_size;                          /* how many it has */
-    uint32_t *block_begin;                         /* blocks + 1, in the order of updates: their bins */
-    int colours;                                   /* in use, 8 a level */
-    uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
+    uint32_t *block_first; /* per block: its first bin */
+    uint32_t *block_size;  /* per block: its number of bins */
+    uint32_t *block_begin; /* blocks + 1, in the order of updates: their bins */
+    /* number of colours in use, 8 for each level */
+    int colours;
+    uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* range of blocks of each colour */
 
     const uint32_t
-        *label; /* of each point, the caller's, set before a build: lists hold points of the same label alone.
-                 * NULL: all */
-    size_t list_limit;    /* bytes that the lists may take */
-    size_t list_capacity; /* entries there is memory for */
-    uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
+        *label; /* per point, owned by the caller, set before a build: lists contain only points of the same
+                 * label; NULL: all points */
+    size_t list_limit;    /* maximum bytes of the lists */
+    size_t list_capacity; /* capacity in entries */
+    uint32_t *list;       /* the list of point i begins at list_begin[i]; its order has no meaning */
     uint32_t *list_begin; /* per point */
     uint32_t *list_count;
     size_t longest; /* length of the longest list */

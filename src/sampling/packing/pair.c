@@ -4,28 +4,28 @@
 #include "base/core/isa.h"
 #include "sampling/packing/energy.h"
 
-/* Two particles never come closer than this fraction of sigma as far as the potential is concerned;
- * it keeps a coincident pair finite (section 7: "a very small value added to all denominators"). */
+/* Minimum distance for the potential, over sigma. It keeps the energy of coincident particles finite
+ * (section 7: "a very small value added to all denominators"). */
 static const double CLOSEST = 1e-6;
 
-/* A fixed tree of additions. */
+/* Adds the lanes in a fixed order. */
 static inline double lane_sum(const double *a)
 {
     return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]));
 }
 
-/* What the potential needs of one group of neighbours. */
+/* Input and output of the potential for one group of neighbours. */
 typedef struct lanes {
     double dx[PAIR_LANES], dy[PAIR_LANES], dz[PAIR_LANES];
     double size2[PAIR_LANES];
-    double r2[PAIR_LANES];     /* over size2, within (CLOSEST sigma)^2 .. sigma^2 */
+    double r2[PAIR_LANES];     /* squared distance over size2, clamped to (CLOSEST sigma)^2 .. sigma^2 */
     double weight[PAIR_LANES]; /* 0 outside the support */
     double w[PAIR_LANES];      /* r / sigma * pi / 2 */
     double cot[PAIR_LANES];    /* cot w */
 } lanes;
 
-/* One group: loops over the lanes that the compiler turns into vector instructions. Outside the
- * support the distance is drawn in, so that nothing overflows. */
+/* Loads one group. The loops are vectorised. Distances outside the support are clamped, so that nothing
+ * overflows. */
 static inline __attribute__((always_inline)) void lanes_load(lanes *p, const pair_list *list, size_t block,
                                                              vec3 x, double sigma)
 {
@@ -137,7 +137,8 @@ void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x
         double r = fmax(vec3_norm(d), CLOSEST * support), u = r / support;
         if (weight == 0 || u >= 1) continue;
         double slope = weight * energy->first(u) / (support * r);
-        /* a potential may bend the wrong way near its centre, as the Gaussian does: no damping from there */
+        /* the second derivative of a potential may be negative near its centre (Gaussian): no damping
+         * follows from it then */
         double bend = weight * fmax(energy->second(u), 0) / (support * support * r * r);
         double a1 = vec3_dot(d, axis1), a2 = vec3_dot(d, axis2);
         out->energy += weight * energy->value(u);

@@ -13,7 +13,7 @@
  * any of the FIRST ones, the others are not sampled: with thin walls on 2 % of the surface the probability
  * of that is 0.6 %. */
 enum { SAMPLES = 1024, FIRST = 256, GRAIN = 16 };
-/* The smallest spacing of a packing over the requested one. */
+/* Minimum spacing of a packing, over the requested spacing. */
 static const double UNEVEN = 0.9;
 /* Rays to each side: one along the normal, and TILTED at the angle TILT (radians) to it. At this angle the
  * tube of smallest diameter is seen with the smallest gap. */

@@ -156,11 +156,11 @@ static double wedge_cosine(const solver *s, size_t k)
     return cosine < SHARP_COSINE ? fmin(fmin(cosine, of_faces), RESOLUTION_OPPOSITE) : of_faces;
 }
 
-/* Least squared sine of the wedge angle: a sharper edge reaches no farther. */
+/* Minimum squared sine of the wedge angle: a sharper wedge has the reach of this one. */
 static const double MIN_WEDGE_SINE2 = 0.01;
 
-/* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings; and
- * one more, since curve samples lie at single places of the edge. */
+/* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings. One
+ * spacing is added, since curve samples are at discrete places of the edge. */
 static double wedge_reach(double cosine)
 {
     return RESOLUTION_GAP / sqrt(fmax(1 - cosine * cosine, MIN_WEDGE_SINE2)) + 1;

@@ -13,10 +13,11 @@
 #include "sampling/solver/level.h"
 #include "sampling/solver/passes/passes.h"
 
-/* Progress: if a level takes longer than expected, this fraction of its expected sweeps is still to come. */
+/* Minimum fraction of the expected sweeps of a level that the progress estimate assumes to be still to
+ * come. */
 static const double LEFT_LEAST = 0.1;
-/* After projection had left steps above the tolerance, the steps before projection must be below this
- * fraction of it. */
+/* If steps exceeded the tolerance after projection, the steps before the next projection must be below this
+ * fraction of the tolerance. */
 static const double TIGHTENED = 0.9;
 /* A level with fewer sweeps than this skips no particle. */
 enum { SKIPPING_SWEEPS = 100 };
@@ -35,7 +36,7 @@ static schedule_position position(const solver *s)
 
 /* ---- rounds */
 
-/* The sweeps from here on are a new round. */
+/* Begins a new round with the next sweep. */
 static void begin_round(solver *s, const char *began)
 {
     s->state.round_began = began;
@@ -43,7 +44,7 @@ static void begin_round(solver *s, const char *began)
     s->state.next = ACTION_SWEEP;
 }
 
-/* The sweeps of the schedule begin anew with the round. */
+/* Begins a new round, with the schedule reset. */
 static void begin_fresh_round(solver *s, const char *began)
 {
     s->state.sweeps_in_round = 0;
@@ -51,8 +52,7 @@ static void begin_fresh_round(solver *s, const char *began)
     begin_round(s, began);
 }
 
-/* A solve that had converged goes on after particles were changed. The schedule counts on from where it
- * was. */
+/* Continues a converged solve after particles were changed: the schedule is not reset. */
 static void continue_round(solver *s, const char *began)
 {
     s->state.control_rounds--;
@@ -132,7 +132,7 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
         goto fail;
     s->state.stage = solver_is_continued(s) ? SCHEDULE_STAGES - 1 : 0;
     begin_round(s, "placed");
-    /* a support that is given is meant for the whole count */
+    /* a given support is the one for the whole count */
     double even = packing_spacing(scan->area, (double)params->count);
     if (!solver_place(s, params->sigma > 0 ? params->sigma / even : packing_support(1), e)) goto fail;
     return s;
@@ -158,7 +158,8 @@ void solver_free(solver *s)
 
 /* ---- a sweep */
 
-/* Updates of particles done, over all that are expected: those of this level and of the finer ones. */
+/* Estimates the progress: updates of particles so far over all that are expected, on this level and the
+ * finer ones. */
 static void estimate_fraction(solver *s, const schedule_evidence *seen)
 {
     const schedule *given = s->state.regime->schedule;
@@ -178,8 +179,8 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
 }
 
-/* Sizes and amplitudes are those of earlier positions. Whether those of the present positions differ too
- * little to matter, or the next level renews them anyway. */
+/* Whether sizes and amplitudes, which were computed for earlier positions, differ negligibly from those of
+ * the present positions. Also true if the next level renews them. */
 static bool sizes_are_current(solver *s)
 {
     if (s->state.level > 0 && s->state.level < s->state.plan.count - 1) return true;
@@ -192,9 +193,9 @@ static bool sizes_are_current(solver *s)
     return false;
 }
 
-/* Whether the points would have converged as they are delivered: a sweep does not count particles that found
- * no better position. The gradient minimiser has converged when its steps are small, whatever Newton's
- * would be. */
+/* Whether the points have converged by their remaining Newton steps. The rms step of a sweep is not
+ * sufficient, because it excludes particles that found no better position. Not tested for the gradient
+ * minimiser, which has no Newton steps. */
 static bool points_have_converged(const solver *s, const schedule_position *at)
 {
     if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient ||
@@ -204,7 +205,7 @@ static bool points_have_converged(const solver *s, const schedule_position *at)
     return !(solver_steps_left(s, true).without_kinks > most);
 }
 
-/* A line of the record. */
+/* Records a sweep. */
 static void note_sweep(solver *s, const relax_sums *sums)
 {
     double alpha = s->state.p->alpha ? 0 : (double)s->state.p->count;
@@ -218,8 +219,8 @@ static void note_sweep(solver *s, const relax_sums *sums)
                                                               .rejected = sums->rejected};
 }
 
-/* In many extra sweeps of the last level most particles have converged and may be skipped. With varying
- * spacing, and between feature curves, skipping costs .005 and .007 of hex_fraction. */
+/* Whether converged particles may be skipped: in the extra sweeps of the last level. If the spacing varies,
+ * or between feature curves, skipping is not used, since it reduces hex_fraction by 0.005 and 0.007. */
 static bool may_skip(const solver *s, const schedule_position *at)
 {
     const int sweeps = schedule_level_sweeps(s->state.regime->schedule, at);
@@ -228,7 +229,7 @@ static bool may_skip(const solver *s, const schedule_position *at)
            at->sweeps + 1 < sweeps;
 }
 
-/* After the sweeps of a level: whether its defect fraction calls for more. */
+/* After the least sweeps of a level: decides from its defect fraction whether it takes extra sweeps. */
 static void judge_defects(solver *s, schedule_position *at)
 {
     const schedule *given = s->state.regime->schedule;
@@ -242,7 +243,8 @@ static void judge_defects(solver *s, schedule_position *at)
     s->state.defect_fraction = s->state.round_defect_fraction = share;
 }
 
-/* The one transition between regimes that a solve makes by what its particles show. */
+/* Changes to the regime `under_resolved` if the particles show that the spacing does not resolve the
+ * surface. */
 static bool judge_regime(solver *s, error *e)
 {
     bool is_under_resolved = false;
@@ -306,8 +308,9 @@ static bool is_last_level(const solver *s)
     return s->state.level == s->state.plan.count - 1;
 }
 
-/* Particles that have converged go through the actions that complete a result. On patches also if no support
- * gives them the ideal energy, as where most patches have one particle. Others end as they are. */
+/* Ends the relaxation. Converged particles continue with the actions that complete a result. On patches this
+ * does not require the ideal energy, because no support may give it, as where most patches have one
+ * particle. Otherwise the solve ends here. */
 static void complete(solver *s, bool is_on_target)
 {
     s->state.is_on_target = is_on_target;
@@ -326,8 +329,8 @@ static bool refine(solver *s, error *e)
     return (!has_parts || solver_fill_parts(s, &changed, e)) && solver_enter_refined(s, e);
 }
 
-/* A solve on one level: before its last stage particles are near their final positions, and most sweeps
- * are to come. */
+/* For a solve on one level, before its last stage: particles are near their final positions, and most sweeps
+ * are still to come. */
 static bool judge_single_level(solver *s, error *e)
 {
     if (!judge_regime(s, e)) return false;
@@ -337,8 +340,8 @@ static bool judge_single_level(solver *s, error *e)
     return !s->state.lists_stale || solver_build_lists(s, e);
 }
 
-/* Whether another support may bring the energy nearer to the ideal one. On patches only if the last one did:
- * where few particles have neighbours, their energy says little. */
+/* Whether changing the support may bring the energy nearer to the ideal one. On patches only if the last
+ * change did: where few particles have neighbours, their energy is not meaningful. */
 static bool may_approach_target(const solver *s, double energy, double sigma)
 {
     const double ideal = s->setup.params.energy->ideal;
@@ -346,7 +349,7 @@ static bool may_approach_target(const solver *s, double energy, double sigma)
            (!s->state.p->patch || fabs(log(energy / ideal)) < fabs(log(s->state.last_energy / ideal)));
 }
 
-/* Section 6.1: the support, and the count where the support is bounded. */
+/* Global control of section 6.1: adapts the support, or the count if the support is bounded. */
 static bool adapt(solver *s, bool is_on_target, double energy, error *e)
 {
     const double before = s->state.sigma;
@@ -377,7 +380,8 @@ static bool control(solver *s, error *e)
     solver_note_round(s, s->state.round_ended, energy, s->state.gain);
     s->state.control_rounds++;
     if (last_stage &&
-        s->state.regime->is_under_resolved) { /* the ideal is that of one surface: for the report alone */
+        s->state.regime->is_under_resolved) { /* the ideal energy is that of one surface; computed for the
+                                               * report only */
         if (!solver_find_support(s, e)) return false;
         energy = relax_packing_energy(s->scratch.relax, s->state.p, s->state.sigma);
     }
@@ -387,7 +391,7 @@ static bool control(solver *s, error *e)
         begin_fresh_round(s, "started_again");
         return true;
     }
-    if (last_stage && !is_last_level(s)) { /* the next level starts nearer to its ideal */
+    if (last_stage && !is_last_level(s)) { /* the next level then starts near the ideal support */
         if (energy > 0) s->state.sigma = solver_nearer_support(s, s->state.sigma, energy);
         begin_fresh_round(s, "refined");
         return refine(s, e);
@@ -402,7 +406,7 @@ static bool control(solver *s, error *e)
     return adapt(s, is_on_target, energy, e);
 }
 
-/* ---- a result that has converged */
+/* ---- completion of a converged result */
 
 /* Whether defect repair may run: on patches of even size unless near curve samples were merged; elsewhere,
  * where sizes vary, after extra sweeps of a level with a high defect fraction. Enough sweeps must be left
@@ -416,7 +420,7 @@ static bool may_repair_defects(const solver *s)
            2 * s->record.sweep_count < (size_t)s->setup.params.max_sweeps;
 }
 
-/* Whether a solve from given points has too much energy for longer steps not to help. */
+/* Whether the energy of a solve from given points is so high that longer steps can decrease it. */
 static bool needs_longer_steps(const solver *s)
 {
     const double most = s->setup.params.max_excess;
@@ -448,7 +452,7 @@ static bool repair(solver *s, error *e)
     return true;
 }
 
-/* Whether a result whose particles were relocated goes on. */
+/* Whether a solve may continue after particles were relocated. */
 static bool may_go_on(const solver *s)
 {
     return s->state.continuations < SOLVER_CONTINUATIONS_MOST && s->state.regime->goes_on_after_projection;
@@ -460,7 +464,7 @@ static void go_on(solver *s, const char *began)
     continue_round(s, began);
 }
 
-/* A surface of many connected parts is covered even if no round follows in which particles could converge
+/* Covers a surface of many connected parts, also if no round follows in which the particles could converge
  * again. */
 static bool fill_last_gaps(solver *s, error *e)
 {
@@ -470,7 +474,7 @@ static bool fill_last_gaps(solver *s, error *e)
     return solver_fill_gaps(s, &changed, e) && (!changed || solver_project(s, &changed, e));
 }
 
-/* Relocated particles, and those that fill gaps, have to converge. */
+/* Projects the particles. Relocated particles, and those that fill gaps, must converge again. */
 static bool project(solver *s, error *e)
 {
     bool changed = false;
@@ -478,14 +482,14 @@ static bool project(solver *s, error *e)
     s->state.next = ACTION_VERIFY;
     if (!may_go_on(s)) return fill_last_gaps(s, e) && solver_separate_patches(s, &changed, e);
     if (s->state.regime->fills_gaps && !solver_fill_gaps(s, &changed, e)) return false;
-    /* last: the relaxation after another change may bring particles close to each other again */
+    /* last, because relaxation after other changes may bring particles close to each other again */
     if (!changed && !solver_separate_patches(s, &changed, e)) return false;
     if (changed) go_on(s, "points_relocated");
     return true;
 }
 
-/* Whether the solve has still converged once the points are projected to rounding and have the sizes of
- * their final positions. */
+/* Whether the particles are still converged after projection to rounding, with the sizes of their final
+ * positions. */
 static bool has_converged_after_projection(solver *s, bool *rests, error *e)
 {
     relax_steps left;
@@ -513,9 +517,9 @@ static bool verify(solver *s, error *e)
            (solver_spread_points(s, &changed, e) && solver_project(s, &changed, e));
 }
 
-/* ---- steps */
+/* ---- interface of solver_method */
 
-/* What a result holds by this method is what every result holds. */
+/* This method adds nothing to the common description. */
 static bool describe_nothing(solver *s, error *e)
 {
     (void)s;
@@ -564,7 +568,7 @@ bool solver_step(solver *s, error *e)
 
 bool solver_finalize(solver *s, error *e)
 {
-    while (!is_last_level(s)) /* stopped early: the count is exact all the same */
+    while (!is_last_level(s)) /* after an early stop: refines to the exact count */
         if (!refine(s, e)) return false;
     bool changed = false;
     return (s->state.is_projected || solver_project(s, &changed, e)) && solver_describe(s, e);
@@ -588,7 +592,8 @@ bool solver_pin(solver *s, const vec3 *place, size_t count, bool *goes_on, error
     if (!solver_build_lists(s, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++)
         if (s->state.p->place[i] == PARTICLES_PINNED) solver_mark_displaced(s, i);
-    s->state.sweeps_in_round = 0; /* a long round before says nothing of how these particles creep */
+    s->state.sweeps_in_round = 0; /* patience counts from here: earlier sweeps of the round are not related
+                                   * to these particles */
     s->state.gain = schedule_gain(s->state.regime->schedule, s->state.stage);
     s->state.continuations = 0;
     return true;

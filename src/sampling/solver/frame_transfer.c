@@ -20,49 +20,47 @@
 
 /* A point whose projection is farther outside of the surface's box than this, in spacings, is discarded. */
 static const double FARTHEST = 1;
-/* Two points, or a point and its projection, are on opposite walls if the cosine between their normals is
- * below this. */
-static const double OTHER_SHEET = 0.5;
-/* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
-static const double CROWDED = 0.6;
+/* Two points, or a point and its projection, are on opposite walls if the cosine of their normals is below
+ * this. */
+static const double OPPOSITE_COSINE = 0.5;
+/* Minimum distance, in spacings, of two points that are both kept. A relaxed packing has none below 0.8. */
+static const double DENSE_DISTANCE = 0.6;
 /* A position farther than this from every point, in spacings, is a hole. Corners of ideal cells are at 0.58,
  * the middle of a vacancy is at 1. An area filled at random with points at this minimum distance is as
  * dense as a packing. */
 static const double HOLE = 0.78;
-/* A place on a curve so near to a carried point, of the spacing, continues it. */
+/* A curve sample continues a carried point within this distance, in spacings. */
 static const double CONTINUED = 0.5;
-/* A fixed point nearer than this to a place on a curve, in spacings, takes its place: both would be too
- * near. */
+/* A fixed point replaces a curve sample within this distance, in spacings: both would be too close. */
 static const double REPLACED = 0.3;
-/* When fewer than this share can be carried the surface is another one. */
+/* If less than this fraction of the points can be carried, the surface is considered a different one. */
 static const double SAME_SURFACE = 0.5;
-/* Within this, of the spacing, lie the neighbours of a point and no others. */
+/* Only the neighbours of a point are within this distance, in spacings. */
 static const double NEAR = 1.3;
-/* Places that are looked at for births, of the count. */
+/* Number of candidate places for births, per point. */
 static const size_t PLACES = 2;
-/* Draws for one of them. */
+/* Maximum number of draws for a candidate place. */
 static const int DRAWS = 20;
-/* Distances, of the spacing, that births of one frame keep, the next one when there is no more room. */
+/* Minimum distances of births, in spacings; the next one is used if no more places fit. */
 static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
 enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
-/* Births and deaths come in portions of one in PORTION points, with sweeps between them, so that each
- * portion meets a packing in which the previous portions have converged: a birth beside the core of a
- * dislocation moves it by a row, and the next portion uses its new position. Those of a portion keep SCATTER
- * of the distance that they would have if they were spread evenly: points that are born in excess in one
- * place must move to other places. On a torus with 2 % more points in each frame hex_fraction is 0.95, and
- * 0.92 with all at once. More portions and sweeps give a better order and longer ways: 0.94 and 0.068 of the
- * spacing in the median with half as many of both, 0.95 and 0.080 with these. */
+/* Births and deaths are divided into portions of at most one in PORTION points. Sweeps between portions let
+ * the packing converge: a birth beside the core of a dislocation moves the dislocation by a row, and the
+ * next portion uses its new position. Changes of a portion keep SCATTER of the distance that they would have
+ * if spread evenly, because points in excess must move to other places. On a torus with 2 % more points in
+ * each frame, hex_fraction is 0.95, compared with 0.92 if all births are made at once. Portions and sweeps
+ * also move the points: by 0.080 spacings (median) at hex_fraction 0.95, and by 0.068 at 0.94 with half as
+ * many of both. */
 static const double PORTION = 600, SCATTER = 0.56;
 enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
-/* A component exchanges points with other components if its number of points differs from the number for its
- * area by more than PART_SLACK of it, and by more than PART_SLACK_POINTS. */
+/* A component exchanges points with others if its number of points differs from the number for its area by
+ * more than the fraction PART_SLACK and by more than PART_SLACK_POINTS. */
 static const double PART_SLACK = 0.02, PART_SLACK_POINTS = 2;
-/* Candidates for each change of a portion: several of the densest or emptiest positions belong to one
- * dislocation core. */
+/* Number of candidates for each change of a portion: several of the densest points, or emptiest places,
+ * belong to the core of one dislocation. */
 static const size_t CANDIDATES = 32;
 
-/* Candidates for the points of the new frame: first the points that were carried over, then places where
- * points may be born. */
+/* Points of the new frame and candidates for them: first the carried points, then places for births. */
 typedef struct candidates {
     const field *f;
     const surface *scan;
@@ -70,32 +68,31 @@ typedef struct candidates {
     threads *pool;
     registration motion;
     bbox box; /* projections outside of it are discarded */
-    double h; /* of an even packing */
-    /* Of a surface with patches: how many particles each patch is to have, and the rows on its curves. Their
-     * particles, or the fixed points, are the first `fixed` candidates, are taken, and stay where they
-     * are. */
+    double h; /* spacing of an even packing */
+    /* With patches: number of particles of each patch, and the curve samples. The particles of curve
+     * samples, or the fixed points, are the first `fixed` candidates; they are taken and do not move. */
     quota allotted;
     size_t fixed;
-    size_t wanted; /* particles: points, and on curves one for each patch there */
+    size_t wanted; /* number of particles: one for each point, and on curves one for each incident patch */
     size_t carried, count;
     vec3 *position, *normal;
     double *spacing;
-    vec3 *landed;     /* where one was carried to */
-    uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
-    uint32_t *row;    /* number of the place on a curve that holds it, or PARTICLES_FREE */
-    uint32_t *own;  /* of the first `fixed`: the fixed point there, or FRAME_TRANSFER_NONE; NULL without fixed
-                     * points */
-    bool *taken;    /* is one of the points */
-    uint32_t *part; /* connected part of the surface, or its patch; not kept where there is but one */
+    vec3 *landed;     /* position to which a point was carried */
+    uint32_t *parent; /* index in the previous frame; FRAME_TRANSFER_NONE: born */
+    uint32_t *row;    /* index of the curve sample, or PARTICLES_FREE */
+    uint32_t *own;    /* for the first `fixed`: index of the fixed point, or FRAME_TRANSFER_NONE; NULL without
+                     * fixed points */
+    bool *taken;      /* the candidate is one of the points */
+    uint32_t *part;   /* connected part of the surface, or patch; unused if there is only one */
     int64_t
-        *missing; /* points that each part is to take (< 0: to give) before the others; NULL: any part takes
-                   * and gives */
-    /* of a surface with patches, while points are carried: places all over it, their patches, and a tree
-     * of the places */
+        *missing; /* number of points that each part lacks (< 0: excess); NULL: points are exchanged between
+                   * parts freely */
+    /* with patches, while points are carried: samples of all patches, their patches, and a tree of the
+     * samples */
     vec3 *place;
     uint32_t *place_patch;
     point_tree *tree;
-    double *rank; /* density at a point, emptiness of a place: the largest first */
+    double *rank; /* priority: density of a point, or emptiness of a place */
     uint32_t *order;
     neighbours *near;
 } candidates;
@@ -154,7 +151,7 @@ static bool candidates_make(candidates *c, error *e)
            (c->near = neighbours_new(room, SIZE_MAX, e));
 }
 
-/* Onto the surface, from anywhere; of one with patches onto this one. */
+/* Projects *x onto the surface, or onto a patch, from any distance. */
 static bool land(const candidates *c, uint32_t patch, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = projection_draft(c->h);
@@ -163,7 +160,8 @@ static bool land(const candidates *c, uint32_t patch, vec3 *x, vec3 *normal)
            (!c->f->patches || field_is_within(f, *x));
 }
 
-/* A point that lay in a face of the domain stays in it. Points were written in single precision, perhaps. */
+/* Keeps a point in the faces of the domain in which it was. The tolerance allows for positions in single
+ * precision. */
 static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
 {
     for (int axis = 0; f->open && axis < 3; axis++) {
@@ -175,12 +173,12 @@ static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
     return x;
 }
 
-/* Whether two normals are of one sheet of a patch. */
+/* Whether two normals are on the same wall of a patch. */
 static bool faces(const candidates *c, uint32_t patch, vec3 one, vec3 other)
 {
     const bool one_sided = c->f->patches && c->f->patches->patch[patch].one_sided;
     const double cosine = vec3_dot(one, other);
-    return (one_sided ? fabs(cosine) : cosine) > OTHER_SHEET;
+    return (one_sided ? fabs(cosine) : cosine) > OPPOSITE_COSINE;
 }
 
 static void carry_chunk(void *context, int worker, size_t begin, size_t end)
@@ -203,7 +201,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* The particles on curves, which no carried point has yet. */
+/* Adds the particles of curve samples; none continues a carried point yet. */
 static void place_curve_samples(candidates *c)
 {
     const curve_samples *rows = &c->allotted.samples;
@@ -218,7 +216,7 @@ static void place_curve_samples(candidates *c)
     }
 }
 
-/* A fixed point takes the place of a sample of a curve, with all of its copies. */
+/* Replaces a curve sample, with all its copies, by a fixed point. */
 static void replace_sample(candidates *c, uint32_t i, uint32_t fixed)
 {
     const uint32_t row = c->row[i];
@@ -229,7 +227,7 @@ static void replace_sample(candidates *c, uint32_t i, uint32_t fixed)
     }
 }
 
-/* Adds a fixed point beside the samples of curves. */
+/* Adds a fixed point that replaces no curve sample. */
 static void pin_fixed(candidates *c, uint32_t fixed)
 {
     const size_t i = c->fixed++;
@@ -245,7 +243,7 @@ static void pin_fixed(candidates *c, uint32_t fixed)
     c->taken[i] = true;
 }
 
-/* The fixed points. */
+/* Adds the fixed points. */
 static bool place_fixed(candidates *c, error *e)
 {
     const size_t copies = c->fixed, count = c->params->fixed_count;
@@ -270,8 +268,8 @@ static bool place_fixed(candidates *c, error *e)
     return ok;
 }
 
-/* Each place on a curve takes over the carried point that is nearest to it, if that is near and no other
- * place has it. */
+/* Each curve sample continues the nearest carried point, if that is near and not continued by another
+ * sample. */
 static bool match_curve_samples(candidates *c, error *e)
 {
     const size_t carried = c->params->previous_count;
@@ -294,7 +292,7 @@ static bool match_curve_samples(candidates *c, error *e)
     return ok;
 }
 
-/* The requested spacing where the points from `first` on are. */
+/* Sets the requested spacing of the candidates from `first` on. */
 static void set_spacings(candidates *c, size_t first)
 {
     for (size_t i = first; i < c->count; i++)
@@ -302,7 +300,7 @@ static void set_spacings(candidates *c, size_t first)
             c->params->sizing ? sizing_field_spacing(c->params->sizing, c->position[i], NULL) : c->h;
 }
 
-/* Only those that are taken stay, without gaps between them. */
+/* Removes the candidates that are not taken. */
 static void close_gaps(candidates *c)
 {
     size_t kept = 0;
@@ -321,7 +319,7 @@ static void close_gaps(candidates *c)
     c->carried = c->count = kept;
 }
 
-/* A stopped pool is an error also without points. */
+/* Builds neighbour lists. A stopped pool is an error also if there are no points. */
 static bool build_lists(candidates *c, double reach, error *e)
 {
     if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
@@ -329,7 +327,7 @@ static bool build_lists(candidates *c, double reach, error *e)
     return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
-/* The distance of two candidates in their spacings; INFINITY: on opposite walls or different patches. */
+/* The distance of two candidates in spacings. INFINITY: they are on opposite walls or different patches. */
 static double distance(const candidates *c, size_t i, size_t j)
 {
     if (c->f->patches && c->part[i] != c->part[j]) return INFINITY;
@@ -337,7 +335,7 @@ static double distance(const candidates *c, size_t i, size_t j)
     return vec3_norm(vec3_sub(c->position[i], c->position[j])) / (0.5 * (c->spacing[i] + c->spacing[j]));
 }
 
-/* Whether a point from `first` on that is taken lies within `reach` of i. */
+/* Whether a taken candidate with an index of at least `first` lies within `reach` of i. */
 static bool has_near(const candidates *c, size_t i, double reach, size_t first)
 {
     const uint32_t *list = neighbours_list(c->near, i);
@@ -346,19 +344,20 @@ static bool has_near(const candidates *c, size_t i, double reach, size_t first)
     return false;
 }
 
-/* One draw of place k of `places`, near the surface, and the part there. */
+/* Draws place k of `places` near the surface, and finds its part. */
 static vec3 draw_place(const candidates *c, size_t k, size_t places, rng *r, surface_last_cell *last,
                        uint32_t *part)
 {
     const double where = ((double)k + rng_uniform(r)) / (double)places;
     const vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, r, last);
     const size_t *begin = c->scan->parts.begin;
-    while (begin && last->cell < begin[*part]) --*part; /* a second draw may be before the first */
+    /* a repeated draw may lie before the first one */
+    while (begin && last->cell < begin[*part]) --*part;
     while (begin && last->cell >= begin[*part + 1]) ++*part;
     return x;
 }
 
-/* Samples of all patches, for finding the nearest patch. */
+/* Samples all patches, for the search of the nearest patch. */
 static bool spread_places(candidates *c, error *e)
 {
     const char *what = "places on patches";
@@ -377,7 +376,7 @@ static bool spread_places(candidates *c, error *e)
     return (c->tree = point_tree_new(c->place, places, e)) != NULL;
 }
 
-/* Whether the points around i are all fixed, and too near for one more among them. */
+/* Whether all points within NEAR spacings of i are fixed, and too close for another point. */
 static bool is_trapped(const candidates *c, size_t i)
 {
     const uint32_t *list = neighbours_list(c->near, i);
@@ -390,7 +389,7 @@ static bool is_trapped(const candidates *c, size_t i)
     return nearest < HOLE;
 }
 
-/* Projects the points; discards those that miss the surface or are over-dense. */
+/* Projects the points. Discards those that miss the surface or are over-dense. */
 static bool carry_all(candidates *c, error *e)
 {
     const frame_transfer_params *p = c->params;
@@ -408,19 +407,19 @@ static bool carry_all(candidates *c, error *e)
     c->count = c->fixed + p->previous_count;
     close_gaps(c);
     set_spacings(c, 0);
-    if (!build_lists(c, p->fixed_count > 0 ? NEAR : CROWDED, e)) return false;
+    if (!build_lists(c, p->fixed_count > 0 ? NEAR : DENSE_DISTANCE, e)) return false;
     for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
     for (int inner = 0; inner <= 1; inner++) /* points on boundaries first: boundaries must stay closed */
         for (size_t i = c->fixed; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
-                c->taken[i] = !has_near(c, i, CROWDED, 0);
+                c->taken[i] = !has_near(c, i, DENSE_DISTANCE, 0);
     for (size_t i = c->fixed; p->fixed_count > 0 && i < c->count; i++)
         c->taken[i] = c->taken[i] && !is_trapped(c, i);
     close_gaps(c);
     return true;
 }
 
-/* The three points nearest to a place; false: there are fewer. */
+/* The three points nearest to a place. False: there are fewer. */
 static bool find_corners(const candidates *c, size_t place, uint32_t corner[3])
 {
     const uint32_t *list = neighbours_list(c->near, place);
@@ -440,8 +439,9 @@ static bool find_corners(const candidates *c, size_t place, uint32_t corner[3])
     return least[2] < INFINITY;
 }
 
-/* Places go to the middle between the points around them: as far from all as can be, which at the core of a
- * dislocation is farther than elsewhere. Those by which there are fewer, or that would go far, stay. */
+/* Moves places to the circumcentre of the points around them, where the distance from the points is largest.
+ * At the core of a dislocation it is larger than elsewhere. Places with fewer than three points around, or
+ * with a distant circumcentre, do not move. */
 static void centre_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -461,8 +461,9 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Ranks a place by its distance from the nearest point, and a point by the density around it. A place among
- * fixed points, which would not make room, comes last unless it is a hole. */
+/* Computes the priority: for a place its distance from the nearest point, for a point the density around it.
+ * A place among fixed points has the lowest priority unless it is a hole, because these points cannot make
+ * room. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -489,7 +490,7 @@ static int compare_rank(const void *a, const void *b, void *ranks)
     return (i > j) - (i < j);
 }
 
-/* Ranks all, and orders those from `first` to before `end`, the largest first. */
+/* Computes priorities, and sorts the candidates `first` .. `end` - 1 by decreasing priority. */
 static void rank_all(candidates *c, size_t first, size_t end)
 {
     threads_run(c->pool, c->count, 256, rank_chunk, c);
@@ -497,7 +498,7 @@ static void rank_all(candidates *c, size_t first, size_t end)
     qsort_r(c->order + first, end - first, sizeof *c->order, compare_rank, c->rank);
 }
 
-/* The places to where the points leave most room, and their order. */
+/* Moves the places to the emptiest positions nearby, and sorts them. */
 static bool centre_places(candidates *c, error *e)
 {
     set_spacings(c, c->carried);
@@ -508,7 +509,7 @@ static bool centre_places(candidates *c, error *e)
     return true;
 }
 
-/* Places all over the surface, PLACES for each point that there is to be. */
+/* Draws PLACES candidate places per requested point. */
 static bool draw_places(candidates *c, error *e)
 {
     rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
@@ -532,7 +533,7 @@ static bool draw_places(candidates *c, error *e)
     return centre_places(c, e);
 }
 
-/* Whether the part of i may take a point, or give one. */
+/* Whether the part of candidate i lacks points (`lives`), or has too many. */
 static bool may_change(const candidates *c, size_t i, bool lives)
 {
     return !c->missing || (lives ? c->missing[c->part[i]] > 0 : c->missing[c->part[i]] < 0);
@@ -544,8 +545,8 @@ static void change(candidates *c, size_t i, bool lives)
     if (c->missing) c->missing[c->part[i]] += lives ? -1 : 1;
 }
 
-/* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
- * each other. Returns how many. */
+/* Takes at most `most` places, emptiest first, at a distance of at least `gap` from carried points and
+ * `apart` from each other. Returns their number. */
 static size_t give_birth(candidates *c, double gap, double apart, size_t most)
 {
     size_t born = 0;
@@ -559,7 +560,7 @@ static size_t give_birth(candidates *c, double gap, double apart, size_t most)
     return born;
 }
 
-/* Whether a neighbour of i was let go just now. */
+/* Whether a neighbour of i was deleted in this portion. */
 static bool has_lost(const candidates *c, size_t i)
 {
     const uint32_t *list = neighbours_list(c->near, i);
@@ -568,9 +569,8 @@ static bool has_lost(const candidates *c, size_t i)
     return false;
 }
 
-/* Deletes at most `most` of the carried points, the densest first; no two neighbours if `spread`. Returns
- * their number. */
-static size_t let_go(candidates *c, bool spread, size_t most)
+/* Deletes at most `most` carried points, densest first. `spread`: no two neighbours. Returns their number. */
+static size_t delete_dense(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
     for (size_t k = c->fixed; k < c->carried && died < most; k++) {
@@ -582,8 +582,8 @@ static size_t let_go(candidates *c, bool spread, size_t most)
     return died;
 }
 
-/* Takes or deletes at most `most` candidates of `among`, in the order from `first` on, most urgent first,
- * that are far from each other. *there is the number of taken ones. */
+/* Takes (`lives`) or deletes at most `most` of the `among` candidates from order[first] on, in decreasing
+ * priority. They keep a large distance from each other. *there: number of taken candidates. */
 static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool lives, size_t *there,
                     error *e)
 {
@@ -618,8 +618,9 @@ static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool
     return ok;
 }
 
-/* `most` births: as they fit with room around them, or, if these are the last, all. */
-static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
+/* Inserts `most` points at places far from each other. `last`: inserts all of them, also at smaller
+ * distances. */
+static bool insert_portion(candidates *c, size_t most, bool last, size_t *there, error *e)
 {
     size_t wanted = *there + most, places = c->count - c->carried;
     size_t among = places < CANDIDATES * most ? places : CANDIDATES * most;
@@ -635,7 +636,7 @@ static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error
                  among = free_count < CANDIDATES * most ? free_count : CANDIDATES * most;
     rank_all(c, c->fixed, c->carried);
     if (!scatter(c, c->fixed, among, most, false, there, e)) return false;
-    for (int spread = 1; last && spread >= 0; spread--) *there -= let_go(c, spread, *there - wanted);
+    for (int spread = 1; last && spread >= 0; spread--) *there -= delete_dense(c, spread, *there - wanted);
     return true;
 }
 
@@ -657,7 +658,7 @@ static void swap_entries(candidates *c, size_t i, size_t j)
     c->taken[j] = taken;
 }
 
-/* Places that are taken join the carried; the others stay places. */
+/* Moves the taken places to the carried points; the other places are kept. */
 static void settle_born(candidates *c)
 {
     for (size_t i = c->carried; i < c->count; i++)
@@ -665,9 +666,9 @@ static void settle_born(candidates *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next
- * build of lists reports it. */
-static bool ease(candidates *c, error *e)
+/* Relaxes the carried points by a few sweeps, as the solve that follows does (schedule_continued). If the
+ * pool was stopped, does nothing; the next list build reports it. */
+static bool relax_carried(candidates *c, error *e)
 {
     size_t n = c->carried;
     particles *p = particles_new(n, e);
@@ -705,7 +706,7 @@ static bool ease(candidates *c, error *e)
     return ok;
 }
 
-/* In how many portions `wanted` points are come to from those `there`. */
+/* The number of portions from `there` points to `wanted` points. */
 static size_t count_portions(const candidates *c, size_t there, size_t wanted)
 {
     const double changes = fabs((double)there - (double)wanted);
@@ -713,7 +714,8 @@ static size_t count_portions(const candidates *c, size_t there, size_t wanted)
     return c->params->eased ? (size_t)fmin(fmax(portions, 1), PORTIONS_MOST) : 1;
 }
 
-/* The part of each carried point is that of the nearest place; one past the last: there is no place near. */
+/* Sets the part of each carried point to that of the nearest place; the number of parts if no place is
+ * near. */
 static void part_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -731,9 +733,8 @@ static void part_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Finds how many points each connected part is to take or to give, since its area has changed against the
- * others': *take and *give in all. The number of places on a part determines how many points it should
- * have. */
+/* Computes how many points each connected part lacks or has in excess, after its fraction of the area has
+ * changed. *take, *give: the sums. The number of places on a part determines the number of its points. */
 static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
 {
     const size_t parts = c->scan->parts.count;
@@ -764,23 +765,23 @@ static bool find_missing(candidates *c, size_t *take, size_t *give, error *e)
     return true;
 }
 
-/* Births or deaths in portions until `wanted` are there; or fewer changes, where parts have no room for more.
- * `ends`: nothing follows. */
+/* Inserts or deletes points in portions until there are `wanted`, or until the parts permit no more changes.
+ * `ends`: no further change follows. */
 static bool approach(candidates *c, size_t wanted, bool ends, size_t *there, error *e)
 {
     for (size_t left = count_portions(c, *there, wanted); left > 0 && *there != wanted; left--) {
         const bool last = left == 1, missing = *there < wanted;
         const size_t most = ((missing ? wanted - *there : *there - wanted) + left - 1) / left;
-        if (!(missing ? bear : thin_out)(c, most, last, there, e)) return false;
+        if (!(missing ? insert_portion : thin_out)(c, most, last, there, e)) return false;
         if ((last || *there == wanted) && ends) break;
         (missing ? settle_born : close_gaps)(c);
-        if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
+        if (!relax_carried(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
     }
     return true;
 }
 
-/* Fills the holes and comes to the exact count, in each connected part and in all. Deaths come after births,
- * as they drop the places. */
+/* Fills holes and reaches the exact count in each connected part and in total. Deaths come last, because
+ * they discard the places. */
 static bool populate(candidates *c, error *e)
 {
     enum { STEPS = 4 };
@@ -807,7 +808,7 @@ static bool populate(candidates *c, error *e)
                      there + 1, count, DRAWS);
 }
 
-/* The carried point that is nearest to one; FRAME_TRANSFER_NONE: none is near. */
+/* The nearest carried point. FRAME_TRANSFER_NONE: none is near. */
 static uint32_t nearest_carried(const candidates *c, size_t i)
 {
     const uint32_t *list = neighbours_list(c->near, i);
@@ -833,7 +834,7 @@ static vec3 origin_of(const candidates *c, size_t i)
     return guide == i ? origin : vec3_sub(x, vec3_sub(c->position[guide], origin));
 }
 
-/* Those that are taken, in the order in which they are to be kept. */
+/* Copies the taken candidates to the result, in Morton order. */
 static bool hand_over(candidates *c, frame_transfer *out, error *e)
 {
     const char *what = "carried points";
@@ -877,7 +878,7 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
     return true;
 }
 
-/* Shares the points out among patches and curves, as the solve will. */
+/* Distributes the points among patches and curves, by the same quota as the solve. */
 static bool allot(candidates *c, error *e)
 {
     const quota_input in = {c->f, c->scan, c->params->sizing, c->h, false};
@@ -888,7 +889,7 @@ static bool allot(candidates *c, error *e)
     return true;
 }
 
-/* Points of the frame before that are still there; a few on curves count more than once. */
+/* Number of carried points that are still taken. Points on curves may count several times. */
 static size_t count_survivors(const candidates *c)
 {
     size_t count = c->carried - c->fixed;

@@ -35,25 +35,26 @@
 
 typedef struct frame_transfer_params {
     size_t previous_count;      /* >= 1 */
-    const vec3 *position;       /* of the points of the previous frame */
+    const vec3 *position;       /* positions of the points of the previous frame */
     const vec3 *normal;         /* unit */
-    size_t count;               /* the number of points of the result */
+    size_t count;               /* number of points of the result */
     const sizing_field *sizing; /* NULL: uniform */
     /* sweeps with the energy of the kernel run between portions of births and deaths */
     bool eased;
-    isa isa; /* of these sweeps */
+    isa isa; /* instruction set of these sweeps */
     uint64_t seed;
     /* the points lie on this surface, which has not moved: it is never considered a different one */
     bool is_still;
-    /* Points of the result at exactly these positions, with the unit normals of the surface; fewer than
-     * `count`. Points of the previous frame near them die. A fixed point near a place on a curve takes
-     * this place. */
+    /* Points that the result has at exactly these positions, with the unit normals of the surface; fewer
+     * than `count`. Points of the previous frame near them die. A fixed point near a curve sample replaces
+     * it. */
     size_t fixed_count;
     const vec3 *fixed, *fixed_normal;
 } frame_transfer_params;
 
 typedef struct frame_transfer {
-    /* of points, as requested; 0, without arrays: the surface is a different one, and all points have died */
+    /* number of points, as requested; 0, without arrays: the surface is a different one, and all points have
+     * died */
     size_t count;
     /* a point on a curve has one particle for each of its patches, any other point has one */
     size_t particles;
@@ -63,8 +64,7 @@ typedef struct frame_transfer {
     vec3 *position; /* on the surface */
     vec3 *normal;
     uint32_t *patch; /* the patch of each particle, on a surface with patches; otherwise NULL */
-    /* on a surface with patches: the number of the place in the samples of the quota's curves, or
-     * PARTICLES_FREE; PARTICLES_PINNED for fixed points */
+    /* with patches: the index of the curve sample, PARTICLES_FREE, or PARTICLES_PINNED for fixed points */
     uint32_t *place;
     /* Values of each point, in the order of its first particles. */
     /* the position to which the point was moved, before births and deaths displaced it; undefined for a

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/* lagged: amplitudes, sizes and neighbour lists, which are constant between two renewals. See
- * solver_state.h. */
+/* lagged: amplitudes, sizes and neighbour lists, which are constant between renewals. See solver_state.h. */
 #include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"
 #include "sampling/solver/solver_state.h"
 
-/* (13) and (14), with curvature freed of scale by the surface's extent, and bounded. */
+/* The amplitude of (13) and (14), clamped. The curvature is made dimensionless by the extent of the
+ * surface. */
 static double amplitude(const solver *s, double kappa)
 {
     double k = fmin(kappa * s->setup.field->extent, s->setup.params.kappa_max);
@@ -34,7 +34,7 @@ bool solver_is_on_target(const solver *s, double energy)
 typedef struct renewal {
     solver *s;
     size_t grain;
-    double squares[THREADS_SUM_PARTS]; /* sums of squared relative changes, one for each part */
+    double squares[THREADS_SUM_PARTS]; /* per part of the sum: sums of squared relative changes */
 } renewal;
 
 static double renew(solver *s, threads_work work)
@@ -69,8 +69,8 @@ double solver_renew_amplitudes(solver *s)
     return s->setup.params.graded ? renew(s, amplitude_chunk) : 0;
 }
 
-/* Every sweep at first, when steps are long, then after a quarter more sweeps each time. In between the
- * energy is a function of the positions alone and can only fall. */
+/* Amplitudes are renewed every sweep at first, while steps are long; then each interval is a quarter of the
+ * sweeps so far. Between renewals the energy is a function of the positions only and cannot increase. */
 bool solver_amplitudes_are_due(const solver *s)
 {
     return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;
@@ -116,14 +116,15 @@ bool solver_build_lists(solver *s, error *e)
     return true;
 }
 
-/* Newton's step has no meaning for the Gaussian, whose second derivative is negative near its centre. */
+/* Not for the Gaussian: its second derivative is negative near the centre, so that Newton's step is not
+ * meaningful. */
 relax_steps solver_steps_left(const solver *s, bool watch)
 {
     if (s->setup.params.energy == &energy_gaussian) return (relax_steps){NAN, NAN};
     return relax_rms_steps_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing, watch);
 }
 
-/* Lists of the particles where they are. */
+/* Builds lists for the present positions. */
 bool solver_refresh_lists(solver *s, error *e)
 {
     return relax_refresh(s->scratch.relax, s->state.p, s->state.sigma) ||

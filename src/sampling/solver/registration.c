@@ -7,21 +7,22 @@
 #include "base/core/compare.h"
 #include "base/core/memory.h"
 
-/* Number of points that are used, at equal intervals among all: they determine the seven unknowns to a
- * hundredth of their distances. */
+/* Number of points that are used, evenly spaced by index. They determine the seven unknowns to a hundredth
+ * of the rms distance. */
 static const size_t SAMPLES = 10000;
-/* Fewer points with a distance cannot determine seven unknowns. */
+/* Minimum number of points with a distance for the seven unknowns. */
 static const size_t SAMPLES_LEAST = 20;
-/* Weights fall to a half at the Cauchy scale. It is CAUCHY_MEDIANS times the median distance, but at least
- * CAUCHY_LEAST spacings: smaller distances come from what the surface does beside moving as a whole. */
+/* A weight is 1/2 at the Cauchy scale: CAUCHY_MEDIANS times the median distance, but at least CAUCHY_LEAST
+ * spacings, because smaller distances are caused by changes of shape. */
 static const double CAUCHY_MEDIANS = 1.5, CAUCHY_LEAST = 0.05;
-/* What a motion by a length weighs against distances by that length, squared: makes the smallest of motions
- * that are equally good, and takes a few ten thousandths off those that are needed. */
+/* Relative weight of the motion itself, as a regularisation: among equally good motions the smallest is
+ * chosen. It reduces the estimated motion by a few 1e-4. */
 static const double REST_WEIGHT = 1e-4;
-/* A motion that leaves more than this of what there was to explain is none: on a surface that changes its
- * shape all over something always fits a little better. */
+/* If the remaining misfit exceeds this fraction of the misfit without motion, the result is the identity: if
+ * the whole surface changes its shape, some motion always fits slightly better. */
 static const double EXPLAINED = 0.5;
-/* Newton's steps, and the length of one (of the spacing) that is the last. */
+/* Maximum number of Gauss-Newton steps, and the length of a step, in spacings, below which the iteration
+ * ends. */
 enum { STEPS_MOST = 60 };
 static const double STEP_LAST = 1e-6;
 /* Below this angle (radians) the series of the rotation's coefficients is exact to rounding. */
@@ -47,8 +48,8 @@ vec3 registration_turn(const registration *m, vec3 n)
     return rotate(m->rotation, n);
 }
 
-/* With J the left Jacobian of rotations, I + a [w] + b [w]^2, a turn by dw more moves an arm r by (J dw) x r;
- * so the derivative along n is J^T (r x n). */
+/* J: left Jacobian of the rotation, I + a [w] + b [w]^2. Changing the rotation vector by dw moves r by (J
+ * dw) x r, so that the derivative along n is J^T (r x n). */
 void registration_derive(const registration *m, vec3 x, vec3 along, double out[REGISTRATION_UNKNOWNS])
 {
     vec3 w = m->rotation, arm = vec3_scale(rotate(w, vec3_sub(x, m->centre)), exp(m->growth));
@@ -75,11 +76,11 @@ typedef struct residual {
 typedef struct fit {
     const field *f;
     const vec3 *x;
-    uint32_t *hint; /* of each point that is looked at, see `sample_near` in field_ops */
-    size_t stride;  /* of the points that are looked at */
+    uint32_t *hint; /* per used point, see `sample_near` in field_ops */
+    size_t stride;  /* stride of the used points */
     size_t count;
     registration at;
-    double size; /* rms distance of the points from their centre: turns and growth as lengths */
+    double size; /* rms distance of the points from their centre: converts rotation and growth to lengths */
     residual *residuals;
     double *sorted;
 } fit;
@@ -99,7 +100,7 @@ static void sample_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Finds the median distance. Returns how many points have one. */
+/* Finds the median distance. Returns the number of points that have one. */
 static size_t find_median(fit *h, double *median)
 {
     size_t found = 0;
@@ -110,7 +111,7 @@ static size_t find_median(fit *h, double *median)
     return found;
 }
 
-/* How badly the motion fits the surface, 0 to 1. A distance far beyond `scale` counts like none. */
+/* Misfit of the motion, 0 to 1. Distances far beyond `scale` count as missing. */
 static double misfit(const fit *h, double scale)
 {
     double sum = 0;
@@ -121,7 +122,7 @@ static double misfit(const fit *h, double scale)
     return sum / (double)h->count;
 }
 
-/* The normal equations of the weighted distances, with all unknowns as lengths. Weights are a half at
+/* The normal equations of the weighted distances, with all unknowns scaled to lengths. A weight is 1/2 at
  * `cauchy_scale`. */
 static void set_up(const fit *h, double cauchy_scale, double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS],
                    double b[REGISTRATION_UNKNOWNS])
@@ -152,7 +153,7 @@ static void set_up(const fit *h, double cauchy_scale, double a[REGISTRATION_UNKN
     }
 }
 
-/* Solves a x = b by Cholesky's method, in place: a, of which the lower half counts, is positive definite. */
+/* Solves a x = b in place by Cholesky's method. a is positive definite; only its lower half is used. */
 static void solve(double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS], double b[REGISTRATION_UNKNOWNS])
 {
     for (int i = 0; i < REGISTRATION_UNKNOWNS; i++)

@@ -19,7 +19,7 @@ enum { REGISTRATION_UNKNOWNS = 7 };
 
 typedef struct registration {
     vec3 centre;      /* fixed point of rotation and scale: the mean of the points */
-    vec3 translation; /* of the centre */
+    vec3 translation; /* translation of the centre */
     vec3 rotation;    /* axis times angle in radians */
     double growth;    /* logarithm of the scale */
 } registration;

@@ -4,9 +4,9 @@
 #include <assert.h>
 #include <math.h>
 
-/* Estimate of progress. stage_share: the fraction of its sweeps that a solve by the paper's criterion has
- * typically spent when a stage begins. LEAST_SHARE: the least fraction that is used. EARLY_SWEEPS: typical
- * sweeps of the first two stages of the default method. */
+/* Estimate of progress. stage_share: typical fraction of the sweeps that a solve by the paper's criterion
+ * has used when a stage begins. LEAST_SHARE: minimum of the fraction. EARLY_SWEEPS: typical sweeps of the
+ * first two stages of the default method. */
 static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST_SHARE = 0.01,
                                                   EARLY_SWEEPS = 50;
 /* Initial log10 lambda, at which the damping is negligible. */
@@ -19,30 +19,30 @@ static const double LAMBDA_BEGINS = -3;
     .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2,   \
     .skin_steps = 6, .divergent_share = 0.9
 
-/* Over-relaxation: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section
- * 7, step 2. */
+/* omega: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
 
 const schedule schedule_paper = {PAPER, .patience = 400};
 
-/* The start is a packing: the longer patience of schedule_paper gives the same hex_fraction after twice
- * the sweeps. */
+/* The start is a packing: with the patience of schedule_paper, hex_fraction is the same after twice the
+ * sweeps. */
 const schedule schedule_packed = {PAPER, .patience = 100};
 
-/* Over-relaxation: with 3.0 a refined level loses its order. The longest step is ten times the rms step of a
- * shaken level: longer ones belong to particles that do not converge, at edges and thin parts. Twice the
- * sweeps on all levels bring edge_cv at 100 000 points from .041 to .039 and take half as much time again. */
+/* omega_shake: with 3.0 a refined level loses its order. longest_step: ten times the rms step of a shaken
+ * level; longer steps belong to particles that do not converge, at edges and thin parts. With twice the
+ * sweeps on all levels, edge_cv at 100 000 points is 0.039 instead of 0.041, and the time increases by
+ * half. */
 const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2,
                                       .finest_rest = 3.5};
 
-/* Points keep their positions as far as the new surface allows: short steps from the first sweep on. */
+/* Points keep their positions as far as the new surface permits: steps are short from the first sweep. */
 const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1};
 
-/* Parts of the patience: in earlier stages, and after the first multiplication of the gain. */
+/* Divisors of the patience: in earlier stages, and after the first multiplication of the gain. */
 enum { EARLY_PATIENCE = 4, MORE_PATIENCE = 8 };
-/* Ratios of a stage to the next one. */
+/* Ratios of gain and step tolerance of a stage to those of the next one. */
 static const double GAIN_RATIO = 100, STEP_RATIO = 3;
-/* The first sweeps of an earlier stage, over the most sweeps of a level. */
+/* Shaken sweeps of an earlier stage, as a fraction of sweeps_most. */
 static const double EARLY_SHARE = 0.125;
 
 static bool is_early(const schedule_position *at)
@@ -60,7 +60,7 @@ double schedule_coarsest_gain(const schedule *s)
     return 10 * GAIN_RATIO * s->gain;
 }
 
-/* The rms step over h with which a stage ends: the tolerance in the last one. */
+/* The rms step over h at which a stage ends; in the last stage the tolerance. */
 static double stage_step(const schedule_position *at, double step_tolerance)
 {
     return step_tolerance * pow(STEP_RATIO, SCHEDULE_STAGES - 1 - at->stage);
@@ -84,7 +84,7 @@ int schedule_least_sweeps(const schedule *s, const schedule_position *at)
     return s->is_paced && schedule_is_last_stage(at) ? schedule_level_sweeps(s, at) : 0;
 }
 
-/* Whether the level may take more sweeps for its defects. Where most normals diverge, only the last level
+/* Whether the level may take extra sweeps for its defects. If most normals diverge, only the last level
  * may. */
 static bool can_have_many_defects(const schedule *s, const schedule_position *at)
 {
@@ -103,7 +103,7 @@ bool schedule_has_many_defects(const schedule *s, double defect_fraction)
     return defect_fraction > s->defects_least && defect_fraction < s->defects_most;
 }
 
-/* The sweeps of the round over the sweeps during which it is shaken. */
+/* Sweeps of the round over the sweeps during which the level is shaken. */
 static double paced_time(const schedule *s, const schedule_position *at)
 {
     return at->sweeps / (is_early(at) ? EARLY_SHARE * s->sweeps_most : schedule_level_sweeps(s, at));
@@ -130,8 +130,8 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
     return t < 1 ? INFINITY : s->longest_step / (t * t);
 }
 
-/* By steps: a level ends after its least sweeps, the coarsest after each stage has converged, the last one
- * at the tolerance of the job. */
+/* End of a round by the rms step. A level ends after its least sweeps; the coarsest one when each stage has
+ * converged; the last one at the tolerance of the job. */
 static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
@@ -177,8 +177,8 @@ double schedule_skin(const schedule *s, double rms_step)
     return fmin(s->skin_wide, fmax(s->skin_narrow, s->skin_steps * rms_step));
 }
 
-/* By the paper's criterion lambda rises from its floor to its cap within a round; on a refined level the
- * step falls to the tolerance. */
+/* Estimate by the paper's criterion: lambda rises from its minimum to its maximum within a round; on a
+ * refined level, the step decreases to the tolerance. */
 static double expected_by_criterion(const schedule *s, const schedule_position *at, double spent,
                                     const schedule_evidence *seen)
 {

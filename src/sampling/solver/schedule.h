@@ -60,7 +60,7 @@ typedef struct schedule {
      * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance.
      *   It may exceed 1, because over-relaxed steps are longer than the remaining distance to convergence.
      *   With 1 the coverage of a triangle soup of 1 000 points is a tenth larger; between 1.75 and 7 no
-     *   case of measurements/packing/sensitivity.md changes. */
+     *   case of measurements/packing (sensitivity.csv) changes. */
     double rest_lambda, finest_rest;
 
     /* Neighbour lists are rebuilt if their validity limits the steps of more than limited_share of the
@@ -78,10 +78,11 @@ typedef struct schedule {
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
-extern const schedule schedule_packed;     /* the same, from positions that are a packing */
+extern const schedule schedule_packed;     /* schedule_paper for positions that are already a packing */
 extern const schedule schedule_multilevel; /* the default: fast steps, sweeps by particle count */
 extern const schedule
-    schedule_continued; /* fast steps from positions near convergence, as of a frame of a sequence */
+    schedule_continued; /* fast steps from positions near convergence, such as those of a frame of a
+                         * sequence */
 
 /* Position in a solve. */
 typedef struct schedule_position {

@@ -48,9 +48,9 @@ typedef struct solver_sweep {
     double mean_log10_lambda;
     double rms_step; /* over the requested spacing */
     size_t count;
-    double sigma;             /* world units */
-    uint64_t rejected;        /* trials */
-    size_t inserted, deleted; /* by the method of Witkin and Heckbert */
+    double sigma;             /* support, world units */
+    uint64_t rejected;        /* rejected trials */
+    size_t inserted, deleted; /* fission and death, in the method of Witkin and Heckbert */
 } solver_sweep;
 
 /* E / E_ideal - 1 of a sweep. */

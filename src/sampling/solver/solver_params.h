@@ -51,9 +51,9 @@ typedef struct solver_params {
      * points are left out, missing ones are drawn. */
     size_t given_count;
     uint64_t seed;
-    bool graded; /* amplitudes by curvature (13)(14) */
+    bool graded; /* amplitudes by curvature, (13) and (14) */
     double d, gamma, nu, kappa_max;
-    const scaled_curvature *curvature; /* of (14), owned by the caller; NULL: the field's own */
+    const scaled_curvature *curvature; /* curvature of (14), owned by the caller; NULL: that of the field */
     const sizing_field *sizing;        /* requested spacing, owned by the caller; NULL: uniform */
     double sigma;                      /* initial support, world units; 0: that of the ideal packing */
     /* Control of section 6.1, not with coarse_to_fine. Particles are inserted until the support is at most
@@ -82,7 +82,7 @@ typedef struct solver_params {
     double step;       /* in units of sigma^2 per energy */
     size_t list_limit; /* maximum size of the neighbour lists, bytes */
     int max_sweeps;    /* at least 1, of all levels together; then the solve ends with SOLVER_OUT_OF_SWEEPS */
-    double step_tolerance;   /* convergence: of the rms step, in spacings h (see schedule.finest_rest) */
+    double step_tolerance;   /* convergence: maximum rms step, in spacings h (see schedule.finest_rest) */
     double energy_tolerance; /* convergence: maximum of |E / E_ideal - 1| */
 } solver_params;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* state: what all parts of a solve ask of its state, and room for it. See solver_state.h. */
+/* solver_state: queries of the state of a solve, and memory for it. See solver_state.h. */
 #include "sampling/solver/solver.h"
 
 #include <string.h>

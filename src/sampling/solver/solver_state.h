@@ -24,22 +24,22 @@ enum {
     SOLVER_CONTINUATIONS_MOST = 5
 };
 
-/* What the next step of a solve does, in the order in which a solve does it. */
+/* The next action of a solve; the values are in the order of a solve. */
 typedef enum solver_action {
     ACTION_SWEEP, /* moves every particle once */
     /* after a round: the next level, another support or count, or the end of the relaxation */
     ACTION_CONTROL,
-    ACTION_REPAIR,  /* of a converged solve: defects, then the areas of Voronoi cells */
-    ACTION_PROJECT, /* onto the surface to rounding; relocates lost particles and fills gaps */
-    ACTION_VERIFY   /* whether the projected points have converged */
+    ACTION_REPAIR,  /* after convergence: repairs defects, then equalises the areas of Voronoi cells */
+    ACTION_PROJECT, /* projects onto the surface to rounding; relocates lost particles and fills gaps */
+    ACTION_VERIFY   /* tests whether the projected points have converged */
 } solver_action;
 
-/* What differs between the methods of 2005 and of 1994, and blue noise. */
+/* The functions in which the methods (Meyer 2005, Witkin and Heckbert 1994, blue noise) differ. */
 typedef struct solver_method {
     bool (*begin)(solver *s, error *e);    /* after the particles are placed */
     bool (*step)(solver *s, error *e);     /* see solver_step */
     bool (*describe)(solver *s, error *e); /* adds to record.out what is specific to the method */
-    void (*release)(solver *s);            /* accepts a solve that was not begun */
+    void (*release)(solver *s);            /* called also if the solve was not begun */
 } solver_method;
 
 extern const solver_method solver_meyer;           /* driver.c */
@@ -71,18 +71,18 @@ typedef struct solver_state {
     bool has_many_defects; /* the level takes extra sweeps, see schedule_has_many_defects */
     /* on patches: an earlier round of the level took extra sweeps, so that later ones do not */
     bool had_extra_sweeps;
-    double defect_fraction; /* when it was last computed; 0: never */
+    double defect_fraction; /* last computed defect fraction; 0: never computed */
     size_t level_began;     /* number of sweeps before the level */
 
-    const char *round_began, *round_ended; /* see solver_round */
-    double round_defect_fraction;          /* see solver_round */
+    const char *round_began, *round_ended; /* words of solver_round */
+    double round_defect_fraction;          /* member of solver_round */
     int control_rounds;                    /* rounds that ended with ACTION_CONTROL and were not continued */
-    int stage;                             /* of the schedule */
-    /* minimum relative decrease of a particle's energy: that of the stage, and after too many sweeps that
-     * times a power of 10 (schedule.patience) */
+    int stage;                             /* stage of the schedule */
+    /* minimum relative decrease of a particle's energy: that of the stage, multiplied by powers of 10 after
+     * too many sweeps (schedule.patience) */
     double gain;
     int sweeps_in_round; /* for the schedule; a continued round does not restart the count */
-    int size_renewals;   /* of the round: convergences that failed because of new sizes */
+    int size_renewals;   /* number of times in this round that convergence failed because sizes had changed */
 
     double skin; /* Verlet skin of the next lists: their reach beyond the support */
     bool lists_stale;
@@ -98,17 +98,17 @@ typedef struct solver_state {
     bool is_tightened;  /* step_left was too large after projection: convergence requires a smaller one */
 
     double fraction, updates;                      /* progress; updates of particles so far */
-    struct witkin_heckbert_state *witkin_heckbert; /* of solver_witkin_heckbert */
-    struct blue_noise_state *blue_noise;           /* of solver_blue_noise */
+    struct witkin_heckbert_state *witkin_heckbert; /* state of solver_witkin_heckbert */
+    struct blue_noise_state *blue_noise;           /* state of solver_blue_noise */
 } solver_state;
 
 /* Working memory. */
 typedef struct solver_scratch {
     relax *relax;      /* NULL after solver_describe */
-    size_t capacity;   /* of state.p and relax */
-    refine_mesh *mesh; /* of the coarsest level, from the count of its edges until it is refined */
-    double *worst; /* during projection: the largest |F| / |grad F| over h of each THREADS_GRAIN particles */
-    bool *lost;    /* during projection: the particle is not on the surface */
+    size_t capacity;   /* capacity of state.p and relax */
+    refine_mesh *mesh; /* mesh of the coarsest level, from the count of its edges until it is refined */
+    double *worst;     /* during projection, per THREADS_GRAIN particles: the largest |F| / |grad F| over h */
+    bool *lost;        /* during projection, per particle: it is not on the surface */
 } solver_scratch;
 
 /* Results. */
@@ -119,11 +119,11 @@ typedef struct solver_record {
     size_t round_count, swept; /* swept: sweeps in the recorded rounds */
     size_t removed;            /* see solver_removed_offsurface */
     solver_points out;
-    bool *replaced;   /* of each particle, from solver_project on */
-    uint32_t *point;  /* of each particle of a surface with patches its point, see solver_patch_points */
-    uint8_t *flags;   /* likewise, of sampling/packing/point_flags.h */
-    vec3 *normal;     /* of each point */
-    uint8_t *feature; /* of each point */
+    bool *replaced;   /* per particle, set by solver_project: it was relocated */
+    uint32_t *point;  /* with patches, per particle: its point, see solver_patch_points */
+    uint8_t *flags;   /* with patches, per particle: flags of sampling/packing/point_flags.h */
+    vec3 *normal;     /* per point */
+    uint8_t *feature; /* per point */
     double *column;   /* see solver_column */
 } solver_record;
 
@@ -136,7 +136,8 @@ struct solver {
 
 /* ---- solver_state.c */
 
-/* Values of each particle in record.column; the last exists only if curvature is taken over a distance. */
+/* Columns of record.column, with a value for each particle. The last one exists only if curvature is taken
+ * over a distance. */
 enum {
     COLUMN_KAPPA,
     COLUMN_KAPPA1,
@@ -160,7 +161,7 @@ relax *solver_new_relax(const solver *s, size_t capacity, error *e);
  * limit_memory, also above params.count_limit. */
 bool solver_reserve(solver *s, size_t capacity, error *e);
 
-/* Whether the particles started at given positions, as those of a frame that follows another. */
+/* Whether the particles started at given positions, such as those of the previous frame. */
 bool solver_is_continued(const solver *s);
 
 /* Whether near curve samples were merged (surface/field/patches.h), as on meshes. */
@@ -172,7 +173,7 @@ bool solver_merges_near_curves(const solver *s);
  * converge. */
 void solver_mark_displaced(solver *s, size_t i);
 
-/* The number of points: the copies of a point on a curve for its patches count once. */
+/* The number of points: copies of a point for several patches count once. */
 size_t solver_point_count(const solver *s);
 
 /* Whether F is so smooth that a projection may omit the check of its last Newton step. Then description.c
@@ -193,7 +194,8 @@ double solver_renew_sizes(solver *s);
 /* Whether amplitudes have to be renewed before the next sweep. */
 bool solver_amplitudes_are_due(const solver *s);
 
-/* The requested spacing of each particle by its present size. `out`: one for each particle. */
+/* Computes the requested spacing of each particle from its present size. `out`: one value for each
+ * particle. */
 void solver_spacings(const solver *s, double *out);
 
 /* Whether a mean energy over mean alpha is the ideal one within energy_tolerance. */

@@ -41,8 +41,8 @@ double witkin_heckbert_radius_rate(const witkin_heckbert_params *params, const v
     return sigma[i] * rate / (terms->growth + params->beta);
 }
 
-/* The sum of Gaussians over the points of a hexagonal lattice with the distance u of neighbours, within
- * the cut-off for u >= 1. */
+/* Sum of Gaussians over the points of a hexagonal lattice with neighbour distance u >= 1, up to the
+ * cut-off. */
 static double lattice_sum(double u)
 {
     const int most = (int)WITKIN_HECKBERT_REACH;

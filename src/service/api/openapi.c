@@ -349,7 +349,7 @@ static json *describe(void)
     return document;
 }
 
-/* Prints and frees. */
+/* Prints the document, and frees it. */
 static constant_document print(json *document)
 {
     char *text = json_print(document);

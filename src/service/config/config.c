@@ -421,7 +421,7 @@ static bool are_equal(const config_row *row, const void *a, const void *b)
 
 static void swap(void *a, void *b, size_t size)
 {
-    char kept[sizeof(config_list)]; /* the largest value */
+    char kept[sizeof(config_list)]; /* the size of the largest value */
     memcpy(kept, a, size);
     memcpy(a, b, size);
     memcpy(b, kept, size);

@@ -36,7 +36,8 @@
 #define READER_CACHE "-256"
 /* Readers that are opened at the start. More are opened when all of them are in use, and then kept. */
 #define READERS_AT_START 8
-/* Maximum time, in ms, until a further reader is tried again: none may be left that could be returned. */
+/* Maximum time, in ms, until opening a reader is tried again. If no reader exists, none can be returned and
+ * end the wait. */
 #define READER_RETRY_MS 250
 
 /* The log is checkpointed from this number of pages (of 4 KiB), SQLite's default. Larger: fewer checkpoints,
@@ -78,13 +79,13 @@ struct database {
     pthread_cond_t returned;
     SLIST_HEAD(, database) idle; /* readers */
 
-    pthread_mutex_t mutex; /* of the connection that writes, and of `trouble` */
+    pthread_mutex_t mutex; /* guards the connection that writes, and `trouble` */
     char *trouble;         /* why the last change could not be stored; NULL: it could */
     void (*call)(void *context);
     void *call_context;
 
     pthread_t log_thread;
-    pthread_cond_t log_is_long; /* with `mutex`, which guards what follows */
+    pthread_cond_t log_is_long; /* used with `mutex`, which guards the following members */
     database *log_reader;       /* the thread's connection; NULL: there is no thread */
     /* length of the log after the last change, and length at which it is checkpointed */
     int log_pages, log_limit;
@@ -96,13 +97,13 @@ struct database {
     pthread_cond_t turn;
     change_list waiting;
     bool leading;
-    int nice; /* of the thread that opened the database */
+    int nice; /* nice value of the thread that opened the database */
     pthread_t commit_thread;
     pthread_cond_t entrusted;
     bool commits, ending; /* the thread exists; it has to end */
     unsigned slow; /* number of waiting threads of a lower priority: the thread commits their changes */
 
-    runner_task **woken; /* by database_signal */
+    runner_task **woken; /* tasks that database_signal wakes */
     size_t woken_count;
 };
 

@@ -39,18 +39,18 @@ typedef struct executor_settings {
     const char *const *input_roots;
     size_t input_root_count;
     store_inputs *inputs;        /* uploaded files; must outlive the executor; NULL: none */
-    double inputs_keep_s;        /* after their last use; 0: for ever */
+    double inputs_keep_s;        /* seconds for which files are kept after their last use; 0: for ever */
     int workers;                 /* maximum number of simultaneous attempts; 0: one per thread */
     int threads;                 /* of all attempts; 0: the number of processors */
     int64_t host_memory_mb;      /* of all attempts; 0: nine tenths of the host's memory */
-    int64_t memory_mb;           /* of a job without a limit, > 0 */
+    int64_t memory_mb;           /* limit of a job that states none, > 0 */
     bool cache;                  /* equal jobs get the same result */
     int64_t file_mb;             /* maximum size of a file that a worker writes; 0: no limit */
     sandbox_mode sandbox;        /* sandbox that workers enter */
     control_groups *groups;      /* of attempts; must outlive the executor; NULL: none */
     ledger *counts;              /* limits of users; must outlive the executor */
     const user_numbers *weights; /* see queue_resources; must outlive the executor */
-    double timeout_s, stall_s;   /* of a job without limits; 0: none */
+    double timeout_s, stall_s;   /* limits, in s, of a job that states none; 0: none */
     /* permitted destinations of result copies; must outlive the executor; NULL: none */
     output_place *outputs;
     double grace_s;               /* between SIGTERM and SIGKILL */

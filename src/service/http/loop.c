@@ -26,13 +26,13 @@ struct loop {
     unsigned capacity; /* of the daemon, in connections */
     pthread_t thread;
     int signal;           /* an eventfd */
-    atomic_bool signaled; /* and the loop has not read it yet */
+    atomic_bool signaled; /* the signal is set, and the loop has not read it yet */
     atomic_bool quiescing, stopping;
     atomic_uint_fast64_t turns;
     struct pollfd *on;         /* the library's set, the signal, then the listening sockets */
     size_t listening;          /* number of listening sockets */
     int64_t paused_until_ms;   /* no connections are accepted before this time; 0: no pause */
-    unsigned paused_at;        /* number of connections at its begin */
+    unsigned paused_at;        /* number of connections when the pause began */
     int64_t shortage_ms;       /* time at which the last pause began; 0: there was none */
     int64_t shortage_noted_ms; /* time of the last log line about a shortage; 0: none */
 };

@@ -16,7 +16,7 @@
 
 /* The thread that runs the handler of a route. Keepers, openers, their sinks and the copying of the bytes of
  * a stream always run in the serving thread. No call there may take more than .2 ms of processor time, since
- * it delays all clients; measurements/isolation/isolation.md has the times. */
+ * it delays all clients; measurements/isolation/README.md has the times. */
 typedef enum route_thread {
     ROUTE_UNDECLARED,     /* refused when the server starts */
     ROUTE_SERVING_THREAD, /* the handler only reads memory */

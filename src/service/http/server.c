@@ -85,7 +85,7 @@ typedef struct exchange {
     LIST_ENTRY(exchange) link; /* in the list of unread requests */
     head_target target;
     bool begun;   /* its headers have arrived */
-    bool refused; /* by refuse_unread; the library closes the connection */
+    bool refused; /* refuse_unread has refused it; the library closes the connection */
     route_match route;
     access_caller caller;
     bool known;              /* whether `caller` is set */

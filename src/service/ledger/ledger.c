@@ -17,14 +17,15 @@
 typedef struct rule {
     const char *setting; /* NULL: a constant of the program */
     const char *code;
-    int64_t retry_s; /* of a rate it is computed, and named in the place of the remedy */
+    int64_t retry_s; /* for Retry-After; of a rate it is computed, and messages state it instead of the
+                      * remedy */
     const char *remedy;
 } rule;
 
 typedef struct row {
-    const char *what; /* is limited, in the plural */
+    const char *what; /* name of the limited resource in messages, in the plural */
     rule holder, all;
-    int64_t each; /* each holder may have it although the limit of all is reached */
+    int64_t each; /* amount that each holder may have even if the limit of all holders is reached */
     bool an_hour; /* the limit is a rate */
 } row;
 
@@ -84,13 +85,13 @@ typedef struct account {
 
 /* Size of the hash table of accounts: the default of connection_limit. */
 enum { CHAINS = 2048 };
-/* Minimum number of accounts for a search of those that hold nothing any longer. */
+/* Minimum number of accounts at which those that hold nothing are searched for and freed. */
 enum { SWEEP_LEAST = 64 };
 
 struct ledger {
     pthread_mutex_t mutex;
     ledger_limits limits[LEDGER_RESOURCES];
-    int64_t all[LEDGER_RESOURCES]; /* held by all holders; not of rates */
+    int64_t all[LEDGER_RESOURCES]; /* amounts that all holders have together; unused for rates */
     size_t count, sweep_at;        /* numbers of accounts */
     LIST_HEAD(, account) chain[CHAINS];
 };

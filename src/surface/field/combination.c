@@ -293,9 +293,9 @@ static bool find_rise(const combination *c, const part *own, const part *facing,
     return true;
 }
 
-/* For a place whose centre is covered but that may be partly uncovered, as at a lens narrower than the place:
- * the wall at the maximum of the thickness, where the gradient, extrapolated linearly, is 0. `most`: the
- * area of the place. */
+/* The wall of a place whose centre is covered, but which may be partly uncovered, as at a lens narrower than
+ * the place. The wall is at the maximum of the thickness, where the linearly extrapolated gradient is 0.
+ * `most`: the area of the place. */
 static wall wall_at_top(const combination *c, const part *own, const part *cover, vec3 x, double edge,
                         double most)
 {
@@ -310,10 +310,11 @@ static wall wall_at_top(const combination *c, const part *own, const part *cover
     vec3 there = vec3_axpy(reach, way, x);
     if (!find_rise(c, own, cover, &there, &away, &beyond)) return none;
     const double bend = (slope - vec3_dot(beyond, way)) / reach;
-    if (!(bend * reach > slope)) return none; /* other places see the surface beyond an edge */
+    if (!(bend * reach > slope)) return none; /* other places contain it */
     const double thickness = thickness_at(c, own, vec3_axpy(slope / bend, way, x), &slope, &cover);
     if (!(thickness < FLT_MAX)) return none;
-    const double cap = 2 * M_PI * thickness / bend; /* of a paraboloid */
+    /* area of the cap of a paraboloid with this height and curvature */
+    const double cap = 2 * M_PI * thickness / bend;
     return (wall){(float)(0.5 * thickness), (float)thickness, (float)fmin(cap, most)};
 }
 
@@ -556,9 +557,8 @@ static bool find_cells(combination *c, threads *pool, error *e)
     return ok;
 }
 
-/* Finds the crossing cells and the area missing in thinner walls. If no cell crosses although there are
- * walls, adds levels one by one: a combination that contains this one may have such small cells
- * everywhere. */
+/* Finds the crossing cells, and the area missing in thinner walls. If there are walls but no crossing cells,
+ * adds levels one by one: a combination that contains this one may have such small cells everywhere. */
 static bool find_surface(combination *c, int wall_levels, size_t memory, threads *pool, error *e)
 {
     const bool divides = wall_levels > 0 && !has_open_part(c);

@@ -310,12 +310,13 @@ static void split(builder *b, const node given[3], int next, uint64_t sides)
         emit(b, t, sides);
         return;
     }
-    /* the corner that is alone on its side; if two are (the third lies on the leaf), the one inside */
+    /* the corner whose side differs from that of the other two; if two do (the third lies on the leaf), the
+     * one inside */
     for (int k = 0; k < 3; k++)
         if (value[k] != 0 && (value[k] < 0 ? in : out) == 1 && (lone < 0 || value[k] < 0)) lone = k;
     const uint64_t bit = (uint64_t)1 << next, own = value[lone] < 0 ? sides | bit : sides & ~bit,
                    others = own ^ bit;
-    node at[2]; /* on the sides to the next corner and to the one after */
+    node at[2]; /* roots on the edges from this corner to the next one and to the one after */
     for (int k = 0; k < 2; k++) {
         int to = (lone + 1 + k) % 3;
         if (value[to] == 0)

@@ -90,17 +90,17 @@ typedef struct field_ops {
     void (*sample_lanes)(const field *f, const vec3_lanes *x, bool defined[VEC3_LANES],
                          double value[VEC3_LANES], vec3_lanes *gradient);
 
-    /* `sample` of the fields of patches, one patch for each lane. Lanes with `defined` false are ignored. The
-     * hint of a lane is one that this function returned for a nearby place of the same patch, or
-     * FIELD_NO_HINT. Where two walls of a patch are close to each other, the result may be that of the
-     * wall of the hint. NULL: `sample` is as fast. */
+    /* `sample` of the fields of patches, one patch for each lane. Lanes with `defined` false are ignored.
+     * The hint of a lane is a value that this function returned for a nearby place of the same patch, or
+     * FIELD_NO_HINT. Where two walls of a patch are close to each other, the result may be that of the wall
+     * of the hint. NULL: `sample` is as fast. */
     void (*sample_patch_lanes)(const field *f, const uint32_t patch[VEC3_LANES], const vec3_lanes *x,
                                bool defined[VEC3_LANES], uint32_t hint[VEC3_LANES], double value[VEC3_LANES],
                                vec3_lanes *gradient);
 
-    /* `sample` with a hint: one that this function, `within` or `sample_patch_lanes` returned for a nearby
-     * place, or FIELD_NO_HINT. Where two walls of a patch are close to each other, the result may be that of
-     * the wall of the hint, although the other one is closer. NULL: `sample` is as fast. */
+    /* As `sample`, with a hint: a value that this function, `within` or `sample_patch_lanes` returned for a
+     * nearby place, or FIELD_NO_HINT. Where two walls of a patch are close to each other, the result may be
+     * that of the wall of the hint, although the other wall is closer. NULL: `sample` is as fast. */
     bool (*sample_near)(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out);
 
     /* The triangles of cell k, with corners on the surface. Returns their number. Triangles of adjacent cells

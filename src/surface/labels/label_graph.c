@@ -8,8 +8,8 @@
 
 static const char what[] = "the neighbours of vertices between labels";
 
-/* Goes through the edges: lines, or the others. Counts, or where there is room enters, the neighbours of
- * both ends. */
+/* Visits the line edges if `lines`, otherwise all other edges. Without neighbour array: counts the
+ * neighbours of both ends. With it: enters them. */
 static void list_edges(const mesh_edges *edges, const uint32_t *kind, bool lines, size_t *place,
                        label_graph *g)
 {

@@ -11,13 +11,13 @@
 #include "geometry/mesh/mesh.h"
 
 typedef struct label_graph {
-    /* vertex v has the neighbours neighbour[first[v]] .. neighbour[first[v + 1] - 1], neighbours along
-     * lines first */
+    /* vertex v has the neighbours neighbour[first[v]] .. neighbour[first[v + 1] - 1]; neighbours along line
+     * edges come first */
     size_t *first;
     uint32_t *neighbour;
-    /* of each vertex: the number of its neighbours along lines; 0: the vertex is on no line */
+    /* per vertex: the number of its neighbours along line edges; 0: the vertex is on no line */
     uint32_t *along;
-    uint32_t *kind; /* of each vertex on no line: the kind of its triangles */
+    uint32_t *kind; /* per vertex that is on no line: the kind of its triangles */
 } label_graph;
 
 /* `kind`: as in label_mesh; edges between triangles of different kinds are line edges, too. After an

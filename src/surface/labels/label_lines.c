@@ -11,47 +11,51 @@
 
 static const char what[] = "the lines between labels";
 
-/* Coefficients of a quadric over a plane; vertices that are looked at, and interfaces that meet, around
- * one. */
+/* PLANE, TERMS: number of coefficients of a plane and of a quadric. MOST_NEAR: maximum number of vertices of
+ * a neighbourhood. MOST_KINDS: maximum number of interfaces that are fitted at a vertex. */
 enum { PLANE = 3, TERMS = 6, MOST_NEAR = 8192, MOST_KINDS = 8, GRAIN = 64 };
 
-/* What holds a plane back, as a share of the weights, and curvature: little, lest quadrics are flat at their
- * ends; and a vertex where no interface would hold it. */
+/* Regularisation. plane_stiffness: relative to the sum of the weights, on the terms of the plane.
+ * curvature_stiffness: on the quadratic terms; small, since a larger value flattens quadrics towards their
+ * ends. rest: on the displacement of a vertex in directions that no interface determines. */
 static const double plane_stiffness = 1e-5, curvature_stiffness = 1e-3, rest = 1e-2;
-/* Weight of the middle of a face between voxels if the quadric passes between both voxels; otherwise it is
- * 1 + between_weight. */
+/* Weight of a midpoint between two voxels if the surface separates both voxels; otherwise the weight is 1 +
+ * between_weight. */
 static const double between_weight = 0.01;
-/* Maximum number of passes of a fit. Each pass weights the samples by the quadric of the previous pass. The
- * fit ends early if a pass changes the quadric by less than `at_rest`, in radii. */
+/* Maximum number of passes of a fit. Each pass determines the weights from the surface of the previous pass.
+ * The fit ends early if a pass changes normal and offset by less than `at_rest`, in radii. */
 enum { PASSES = 7 };
 static const double at_rest = 1e-3;
-/* Where lines meet each interface has a corner, of fewer voxels: these are looked for farther away. */
+/* Factor of the initial radius at a junction of lines: each interface has a corner there, and thus fewer
+ * voxels. */
 static const double wider = 1.4;
-static const double least_weight = 3; /* of the vertices of an interface */
-/* The radius of a fit grows by the factor `growth`, at most GROWTHS times, while the distance by which the
- * plane or quadric misses the voxels' faces is at most `most_missed` voxels: more voxels determine a smooth
- * interface better. A plane that misses by `hopeless` times `most_missed` is discarded. */
+static const double least_weight = 3; /* minimum sum of weights for a fit */
+/* The radius of a fit grows by the factor `growth`, at most GROWTHS times, while the rms residual is at most
+ * `most_missed` voxels: more voxels determine a smooth interface better. The fit of a plane ends early if
+ * the residual exceeds `hopeless` times `most_missed`. */
 static const double growth = 1.4, most_missed = 0.01, hopeless = 4;
 enum { GROWTHS = 2 };
 static const double most_stretch = 2;
 
 typedef struct work {
     const label_lines *l;
-    const vec3 *normal;     /* of each vertex: the sum of its triangles' */
-    const uint32_t *fitted; /* of each vertex of a line: the one at which its interfaces are fitted */
-    const bool *beside;     /* of each vertex: a neighbour is on a line */
+    const vec3 *normal;     /* per vertex: the sum of the normals of its triangles */
+    const uint32_t *fitted; /* per vertex of a line: the vertex at which its interfaces are fitted */
+    const bool *beside;     /* per vertex: a neighbour is on a line */
     vec3 *out;
-    struct scratch *scratch; /* of each worker */
+    struct scratch *scratch; /* per worker */
 } work;
 
-/* The vertices on no line that are near one and hang together with it. */
+/* The neighbourhood of a vertex: vertices that are on no line, within a radius, and connected with the
+ * vertex by edges. */
 typedef struct near_by {
     uint32_t vertex[MOST_NEAR];
     size_t count;
     double radius;
-    uint16_t place[4 * MOST_NEAR]; /* open addressing: one more than a vertex's place, or 0 */
-    uint16_t used[MOST_NEAR];      /* of each vertex: its entry in `place` */
-    bool at_end[MOST_NEAR];        /* a neighbour of the vertex is too far away */
+    uint16_t place[4 * MOST_NEAR]; /* hash table with open addressing: index of a vertex in `vertex` plus 1,
+                                    * or 0 */
+    uint16_t used[MOST_NEAR];      /* per vertex: its entry in `place` */
+    bool at_end[MOST_NEAR];        /* per vertex: a neighbour of it is outside the radius */
 } near_by;
 
 static void add(near_by *n, uint32_t v)
@@ -71,7 +75,7 @@ static void forget(near_by *n)
     n->count = 0;
 }
 
-/* Adds the neighbours of a vertex that lie within the radius. Returns whether one lies beyond it. */
+/* Adds the neighbours of a vertex that lie within the radius. Returns whether a neighbour lies beyond it. */
 static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *out)
 {
     const label_graph *g = l->graph;
@@ -87,8 +91,8 @@ static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *o
     return too_far;
 }
 
-/* Adds the vertices near `start`. With a larger radius than before, only the ends of what is known are
- * expanded. */
+/* Adds the vertices around `start`. After the radius has increased, only vertices with neighbours outside
+ * the previous radius are visited again. */
 static void gather(const label_lines *l, uint32_t start, near_by *out)
 {
     const vec3 x = l->m->vertex[start];
@@ -117,7 +121,8 @@ static void solve(double a[TERMS][TERMS], double b[TERMS], int terms)
     }
 }
 
-/* Voxels beside a line are those of wedges, of which some are missing: they count for less. */
+/* Weight of midpoints at vertices beside a line: near a line an interface may lack voxels, because its label
+ * ends in a wedge. */
 static const double beside_weight = 0.5;
 
 static void find_beside(const label_graph *g, size_t vertices, bool *beside)
@@ -132,29 +137,30 @@ static bool is_half(double x)
     return x != (double)(int64_t)x;
 }
 
-/* From one voxel to the other of a middle: it has half a voxel along the axes in which they differ. */
+/* Vector between the two voxels of a midpoint, up to sign: 1 along the axes in which they differ. The
+ * midpoint has half-integer coordinates there. */
 static vec3 apart_at(vec3 middle)
 {
     return (vec3){is_half(middle.x), is_half(middle.y), is_half(middle.z)};
 }
 
-/* AT_ONCE middles between two voxels of one interface; unused lanes of the last group have weight 0.
- * Lengths are in radii. */
+/* AT_ONCE midpoints between voxels of one interface, in SIMD lanes; unused lanes of the last group have
+ * weight 0. Lengths are in radii. */
 enum { AT_ONCE = 8 };
 
 typedef struct between {
-    double off[3][AT_ONCE];   /* from the vertex */
-    double apart[3][AT_ONCE]; /* of the voxels */
+    double off[3][AT_ONCE];   /* from the vertex to the midpoint */
+    double apart[3][AT_ONCE]; /* vector between the two voxels */
     double near[AT_ONCE], weight[AT_ONCE];
 } between;
 
 typedef struct betweens {
     size_t count;
-    double near, weight; /* of all */
+    double near, weight; /* sums over all midpoints */
     between at[MOST_NEAR / AT_ONCE];
 } betweens;
 
-/* What one thread looks at. */
+/* Working memory of one thread. */
 typedef struct scratch {
     near_by near;
     betweens between;
@@ -192,24 +198,25 @@ static void list_between(const work *w, const near_by *n, uint32_t kind, vec3 x,
     }
 }
 
-/* A height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in
- * radii. By f the squares are those of the way to a place, not of its shadow on the plane: so spheres are
- * quadrics, too. */
+/* Height over a plane: term[0] + term[1] s + term[2] t + f (term[3] s^2 + term[4] s t + term[5] t^2), in
+ * radii. The factor f (see stretch) replaces squared distances in the plane by squared distances in space,
+ * so that a sphere is represented exactly. */
 typedef struct quadric {
     vec3 u, v, up;
-    int terms; /* PLANE: the others are 0 */
+    int terms; /* PLANE: the quadratic terms are 0 */
     double term[TERMS];
 } quadric;
 
-/* The square of the way to a place over that of its shadow. */
+/* The squared distance from the origin over the squared distance of its projection onto the plane, at most
+ * most_stretch. */
 ISA_INLINE double stretch(vec3 off, double s, double t)
 {
     const double flat = s * s + t * t, all = vec3_norm2(off);
     return all < most_stretch * flat ? all / flat : most_stretch;
 }
 
-/* How far up a place lies from the quadric: no more than `most` where this passes between two voxels
- * `apart`. */
+/* Signed distance of a midpoint from the surface, along `up`. *most: the largest distance at which the
+ * surface still separates the two voxels. */
 ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, double *most)
 {
     const double *c = q->term, s = vec3_dot(off, q->u), t = vec3_dot(off, q->v),
@@ -220,8 +227,8 @@ ISA_INLINE double above(const quadric *q, int terms, vec3 off, vec3 apart, doubl
     return vec3_dot(off, q->up) - (c[0] + c[1] * s + c[2] * t + bend);
 }
 
-/* The quadric's terms at a place, then its height, as one vector: the sums over places of its products
- * with each term. */
+/* The terms of the surface at a midpoint, then its height, as one vector: sums of its products with each
+ * term are the normal equations. */
 typedef double row __attribute__((vector_size(8 * sizeof(double))));
 
 typedef struct sums {
@@ -229,7 +236,7 @@ typedef struct sums {
     double missed;
 } sums;
 
-/* Coordinates, heights and weights of AT_ONCE places over a quadric's plane, and their squared misses. */
+/* For AT_ONCE midpoints: coordinates in the plane, heights, weights and squared residuals. */
 typedef struct heights {
     double s[AT_ONCE], t[AT_ONCE], stretch[AT_ONCE], up[AT_ONCE], weight[AT_ONCE], missed[AT_ONCE];
 } heights;
@@ -265,7 +272,7 @@ ISA_INLINE void sum_terms(const betweens *m, const quadric *before, const quadri
     for (size_t k = 0; k < m->count; k += AT_ONCE) {
         heights h;
         find_heights(&m->at[k / AT_ONCE], before, q, terms, &h);
-        for (int l = 0; l < AT_ONCE; l++) { /* sums run in this order for every instruction set */
+        for (int l = 0; l < AT_ONCE; l++) { /* the order of the sums is the same for every instruction set */
             const double s = h.s[l], t = h.t[l], f = h.stretch[l];
             const row r = terms > PLANE ? (row){1, s, t, f * s * s, f * s * t, f * t * t, h.up[l]}
                                         : (row){1, s, t, h.up[l]};
@@ -293,9 +300,9 @@ ISA_CLONES static void sum_quadric(const betweens *m, const quadric *before, con
         sum_terms(m, NULL, q, TERMS, out);
 }
 
-/* Makes the quadric's terms anew, over its plane, by least squares: of the middles, and where there is a
- * quadric before, of by how much that one does not pass between their voxels: *missed, the root of the
- * mean square, in radii. */
+/* Fits the terms by weighted least squares. Without `before`, to the midpoints. With it, to the residuals by
+ * which the surface `before` does not separate the voxels. *missed: the rms residual, in radii. False: the
+ * sum of weights is too small. */
 static bool fit_terms(const betweens *m, const quadric *before, quadric *q, double *missed)
 {
     double a[TERMS][TERMS];
@@ -314,15 +321,15 @@ static bool fit_terms(const betweens *m, const quadric *before, quadric *q, doub
     return true;
 }
 
-/* Its normal over x; *length: of (-term[1], -term[2], 1). */
+/* The normal of the surface at the origin. *length: length of (-term[1], -term[2], 1). */
 static vec3 normal_of(const quadric *q, double *length)
 {
     *length = sqrt(1 + q->term[1] * q->term[1] + q->term[2] * q->term[2]);
     return vec3_scale(vec3_axpy(-q->term[1], q->u, vec3_axpy(-q->term[2], q->v, q->up)), 1 / *length);
 }
 
-/* An interface near a vertex, and the plane, through a place at `distance` along `normal` from this, in
- * which it passes. */
+/* The tangent plane of an interface near a vertex: it passes through the point at `distance` from the vertex
+ * along `normal`. */
 typedef struct passing {
     uint32_t kind;
     bool is_known, grows;
@@ -330,13 +337,14 @@ typedef struct passing {
     double distance;
 } passing;
 
-/* Fits a plane or quadric, by its `terms`, and leaves in p the plane in which it passes x; *missed, in
- * voxels. False: the middles are too few. */
+/* Fits a plane or quadric with `terms` coefficients; sets normal and distance of p. *missed: the rms
+ * residual, in voxels. False: there are too few midpoints. */
 static bool fit_quadric(const betweens *m, double radius, int terms, passing *p, double *missed)
 {
     quadric q = {.terms = terms}, before;
     double length;
-    for (int pass = 0; pass < PASSES; pass++) { /* each over the plane that the one before has at x */
+    for (int pass = 0; pass < PASSES; pass++) { /* each pass uses the tangent plane of the previous one as
+                                                 * its plane */
         before = q;
         q.up = p->normal;
         vec3_frame(q.up, &q.u, &q.v);
@@ -352,8 +360,8 @@ static bool fit_quadric(const betweens *m, double radius, int terms, passing *p,
     return true;
 }
 
-/* Fits the interface in what is near: a plane where that passes between its voxels, else a quadric. What
- * passes so, or is the first, is taken. */
+/* Fits one interface in the present neighbourhood: a plane, and if its residual is too large, a quadric. The
+ * fit is stored if its residual is small enough, or if there is none yet. */
 static void fit(const work *w, scratch *on, vec3 x, passing *p)
 {
     const near_by *n = &on->near;
@@ -384,7 +392,7 @@ static int list_interfaces(const label_graph *g, const near_by *n, passing out[M
     return count;
 }
 
-/* The interfaces near a vertex of a line; returns how many. */
+/* Fits the interfaces near a vertex of a line. Returns their number. */
 static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MOST_KINDS])
 {
     const label_graph *g = w->l->graph;
@@ -396,7 +404,8 @@ static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MO
     for (int k = 0; grows && k <= GROWTHS; k++, near->radius *= growth) {
         gather(w->l, v, near);
         if (k == 0) count = list_interfaces(g, near, out);
-        if (k > 0 && near->count == MOST_NEAR) break; /* more is near than there is room for */
+        /* the neighbourhood is full: a larger radius adds nothing */
+        if (k > 0 && near->count == MOST_NEAR) break;
         grows = false;
         for (int i = 0; i < count; i++) {
             if (out[i].grows) fit(w, on, w->l->m->vertex[v], &out[i]);
@@ -406,8 +415,8 @@ static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MO
     return count;
 }
 
-/* Where a place goes to lie on all interfaces, fitted at x, that pass by: the least squares of the
- * distances. */
+/* Moves `place` to the point with the least sum of squared distances from the planes of all interfaces,
+ * which were fitted at x. */
 static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
 {
     sym3 a = {rest, rest, rest, 0, 0, 0};
@@ -451,8 +460,8 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* One fit holds for the vertices of a line within this distance, in voxels; a corner has its own. With 2,
- * lines on spheres of radius 10 would be off by up to .2 voxels; with less, fits cost more time. */
+/* A fit is used for all vertices of a line within this distance, in voxels; a corner has its own. With 2,
+ * lines on spheres of radius 10 would be off by up to 0.2 voxels; with less, fits cost more time. */
 static const double alike = 1;
 
 static void choose_fitted(const label_lines *l, uint32_t *fitted)

@@ -19,9 +19,9 @@
 
 typedef struct label_lines {
     const mesh *m;            /* smoothed; the source of the normals */
-    const label_graph *graph; /* of the vertices of `m` */
-    const vec3 *middle;       /* of each vertex: the position before smoothing */
-    double radius;            /* of the neighbourhood of a fit, in the units of `m` */
+    const label_graph *graph; /* neighbours of the vertices of `m` */
+    const vec3 *middle;       /* per vertex: the position before smoothing */
+    double radius;            /* initial radius of the neighbourhood of a fit, in the units of `m` */
 } label_lines;
 
 /* Stores the new positions of the vertices of lines in `out`, and leaves the other elements unchanged.

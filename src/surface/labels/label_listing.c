@@ -5,11 +5,11 @@
 
 #include "base/core/memory.h"
 
-/* In a segmentation at least this share of the voxels equals one of the next voxels along the three axes; in
- * noisy measurements few do. */
+/* In a segmentation, at least this fraction of the voxels equals one of its next voxels along the three
+ * axes; in noisy measurements few do. */
 static const double alike_least = 0.8;
-/* For a connected label at least this share of its voxels equals a next one. The values at a mask's soft edge
- * are not connected. */
+/* A label is connected if at least this fraction of its voxels equals a next voxel. The intermediate values
+ * at the soft edge of a mask are not connected. */
 static const double hangs_from = 0.5;
 
 /* Whether the next voxel along an axis has the same label. */
@@ -36,7 +36,7 @@ bool label_listing_suits(const label_volume *v)
     return (double)all_alike >= alike_least * (double)voxels && 2 * hanging > v->count;
 }
 
-/* touching[a count + b]: a voxel of a shares a side with one of b. */
+/* Sets touching[a count + b] if a voxel of label a shares a face with a voxel of label b. */
 static void find_neighbours(const label_volume *v, bool *touching)
 {
     const int64_t step[3] = {1, v->size[0], v->size[0] * v->size[1]};

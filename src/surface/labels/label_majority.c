@@ -11,23 +11,23 @@
 
 static const char what[] = "the majority of the labels";
 
-/* Voxels along a side of a block; how far the filter reaches, in widths. */
+/* BLOCK: voxels along the side of a block. REACH: radius of the filter, in standard deviations. */
 enum { BLOCK = 32, VOXELS = BLOCK * BLOCK * BLOCK, REACH = 3 };
 
-/* The labels whose indicators are the largest at a voxel, in their order. */
+/* The candidate labels of a voxel, largest smoothed indicator first. */
 typedef struct ranking {
     float share[LABEL_RIVALS];
     uint16_t label[LABEL_RIVALS];
 } ranking;
 
-/* What one thread works on: a block and what is around it. The filter is applied along one axis after the
+/* Working memory of one thread: a block with its margin. The filter is applied along one axis after the
  * other. */
 typedef struct scratch {
-    uint16_t *label, *present; /* of the voxels, and those that occur */
+    uint16_t *label, *present; /* label of each voxel; list of the labels that occur */
     float *along_x, *along_y, *all;
     ranking *ranks;
     label_contest *contests;
-    int64_t *contested; /* of each label, its voxels for which there are others */
+    int64_t *contested; /* per label: number of its voxels that have other candidates */
     error failed;
 } scratch;
 
@@ -35,16 +35,16 @@ typedef struct filtering {
     label_volume *v;
     int64_t blocks[3];
     int reach[3];
-    float *weight[3];         /* of -reach .. reach */
-    scratch *on;              /* of each worker */
-    label_contests *contests; /* of each block */
-    size_t left;              /* bytes for them */
+    float *weight[3];         /* filter weights for the offsets -reach .. reach */
+    scratch *on;              /* per worker */
+    label_contests *contests; /* per block */
+    size_t left;              /* memory left for contests, bytes */
     float *label_weight;
     atomic_size_t bytes;
     atomic_ullong changed;
 } filtering;
 
-/* Labels of what is around a block; beyond the end, and in the layer, there is none. */
+/* Label of voxels outside the volume and in the layer around it. */
 enum { NONE = LABEL_VOLUME_MOST };
 
 static bool is_inside(const label_volume *v, int axis, int64_t at)
@@ -60,13 +60,13 @@ static size_t note_label(uint16_t *present, size_t count, uint16_t label)
     return count + 1;
 }
 
-/* Voxels along a side of a block and what is around it. */
+/* Number of voxels along an axis of a block with its margin. */
 static size_t side_of(const filtering *f, int axis)
 {
     return (size_t)(BLOCK + 2 * f->reach[axis]);
 }
 
-/* Returns how many labels there are. */
+/* Copies the labels of a block with its margin. Returns the number of different labels. */
 static size_t gather(const filtering *f, const int64_t low[3], scratch *on)
 {
     const label_volume *v = f->v;
@@ -99,7 +99,7 @@ static bool filter_row(const filtering *f, const uint16_t *label, uint16_t own, 
     return true;
 }
 
-/* Adds up rows of BLOCK that lie `stride` from each other. */
+/* out = weighted sum of rows of BLOCK numbers at the distance `stride`. */
 static void filter_rows(const filtering *f, int axis, const float *rows, size_t stride, float out[BLOCK])
 {
     memset(out, 0, BLOCK * sizeof *out);
@@ -107,7 +107,7 @@ static void filter_rows(const filtering *f, int axis, const float *rows, size_t 
         for (int x = 0; x < BLOCK; x++) out[x] += f->weight[axis][k] * rows[(size_t)k * stride + (size_t)x];
 }
 
-/* The smoothed indicator of one label, in on->all. */
+/* Computes the smoothed indicator of one label in on->all. */
 static void smooth_indicator(const filtering *f, uint16_t own, scratch *on)
 {
     const size_t side[3] = {side_of(f, 0), side_of(f, 1), side_of(f, 2)};
@@ -124,7 +124,7 @@ static void smooth_indicator(const filtering *f, uint16_t own, scratch *on)
                         on->all + (z * BLOCK + y) * BLOCK);
 }
 
-/* A voxel of the block by its number, and where its label is gathered. */
+/* Index, in the block with margin, of a voxel of the block. */
 static size_t gathered(const filtering *f, size_t voxel)
 {
     const size_t x = voxel % BLOCK + (size_t)f->reach[0], y = voxel / BLOCK % BLOCK + (size_t)f->reach[1],
@@ -132,7 +132,8 @@ static size_t gathered(const filtering *f, size_t voxel)
     return (z * side_of(f, 1) + y) * side_of(f, 0) + x;
 }
 
-/* Among equal indicators the voxel's own label comes first. */
+/* Enters a label's indicator in the rankings of all voxels. Among equal indicators the voxel's own label
+ * comes first. */
 static void rank(const filtering *f, size_t count, scratch *on)
 {
     memset(on->ranks, 0, VOXELS * sizeof *on->ranks);
@@ -168,7 +169,7 @@ static label_contest contest_of(const ranking *r, size_t voxel)
     return c;
 }
 
-/* Where a block's voxel lies; false beyond the end. */
+/* The position of a voxel of a block. False: it is outside the volume. */
 static bool place_of(const filtering *f, size_t block, size_t voxel, int64_t at[3])
 {
     const size_t in[3] = {voxel % BLOCK, voxel / BLOCK % BLOCK, voxel / BLOCK / BLOCK},
@@ -182,8 +183,8 @@ static bool place_of(const filtering *f, size_t block, size_t voxel, int64_t at[
     return inside;
 }
 
-/* Keeps the voxels of a block that another label than their own may get, if there is memory; what is
- * needed is counted. */
+/* Stores the voxels of a block that may get another label, if memory permits. Always adds the memory that
+ * they need. */
 static void keep_contests(filtering *f, size_t block, scratch *on)
 {
     size_t count = 0;
@@ -237,9 +238,9 @@ static void put_winners(void *context, int worker, size_t begin, size_t end)
     atomic_fetch_add_explicit(&f->changed, changed, memory_order_relaxed);
 }
 
-/* ---- the whole */
+/* ---- public functions */
 
-/* What make_scratch takes. */
+/* Bytes of the working memory of a thread. */
 static size_t scratch_bytes(const filtering *f)
 {
     const size_t side[3] = {side_of(f, 0), side_of(f, 1), side_of(f, 2)};
@@ -275,7 +276,7 @@ static void free_scratch(scratch *on)
     free(on->contests);
 }
 
-/* A Gaussian that is as wide along each axis of the world. */
+/* Computes the weights of a Gaussian that has the same width along each axis in world space. */
 static bool make_weights(filtering *f, double width, error *e)
 {
     double step[3];
@@ -315,8 +316,8 @@ static bool check_memory(size_t needed, size_t memory_limit, error *e)
                      (needed >> 20) + 1, memory_limit >> 20, ((needed - memory_limit) >> 20) + 1);
 }
 
-/* Finds weights with which each label wins as many of the contested voxels as it has now, which preserves
- * its volume. */
+/* Finds label weights with which each label wins as many contested voxels as it has now: this preserves its
+ * volume. */
 static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *pool, error *e)
 {
     const size_t labels = f->v->count;
@@ -331,7 +332,7 @@ static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *p
     return ok;
 }
 
-/* Filters all blocks; limit_memory where what is kept of them takes more than is left. */
+/* Filters all blocks. Error: limit_memory, if the contests exceed the memory that is left. */
 static bool filter(filtering *f, size_t blocks, size_t memory_limit, threads *pool, error *e)
 {
     const size_t workers = (size_t)threads_count(pool),

@@ -11,8 +11,8 @@
 
 static const char what[] = "the interfaces of the labels";
 
-/* The corners of the six tetrahedra of a cell, as bits of the axes: each goes from corner 0 to corner 7 along
- * its axes one by one, so that a corner's bits are among the next one's. */
+/* The corners of the six tetrahedra of a cell, as bits of the axes. Each tetrahedron is a path from corner 0
+ * to corner 7 that adds one axis at a time. */
 static const unsigned char corners_of[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
                                                {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
 
@@ -20,13 +20,13 @@ enum { BLOCK = 8 }; /* voxels */
 
 typedef struct making {
     const label_volume *v;
-    block_map numbers; /* of vertices, by a voxel and what it is between: see vertex_at */
+    block_map numbers; /* vertex numbers, by a voxel and a code of the other voxels; see vertex_between */
     mesh m;
-    float *limit; /* of each vertex: how far it may be moved, in voxels */
+    float *limit; /* per vertex: maximum displacement along each axis, in voxels */
     uint32_t *kind;
-    size_t most; /* triangles */
+    size_t most; /* maximum number of triangles */
     size_t vertex_room, limit_room, triangle_room, kind_room;
-    /* the tetrahedron at hand */
+    /* position of the cell of the current tetrahedron */
     int64_t at[3];
     int number;
     uint16_t label[4];
@@ -40,8 +40,8 @@ static void corner_of(const making *k, int i, int64_t out[3])
 
 /* ---- vertices */
 
-/* Of the six voxels that share a side with this one, those of its material; what lies beyond the end
- * counts. */
+/* The number of voxels, of the six that share a face with this one, that have its material. Voxels outside
+ * the volume count as equal. */
 static int neighbours_alike(const label_volume *v, const int64_t at[3])
 {
     const uint16_t own = label_volume_at(v, at[0], at[1], at[2]);
@@ -56,8 +56,8 @@ static int neighbours_alike(const label_volume *v, const int64_t at[3])
     return count;
 }
 
-/* A voxel of a thread, or alone: smoothing would shrink it to nothing. A bump on something thicker is
- * none. */
+/* Whether the voxel is single or part of a thread: smoothing would shrink it to nothing. False for a bump on
+ * a thicker part. */
 static bool is_thread(const label_volume *v, const int64_t at[3])
 {
     enum { OF_A_THREAD = 2 };
@@ -73,8 +73,8 @@ static bool is_thread(const label_volume *v, const int64_t at[3])
     return true;
 }
 
-/* How far a vertex may be moved, in voxels along each axis: half a one keeps it between the voxels that it
- * parts. */
+/* Maximum displacement of a vertex along each axis, in voxels. With half a voxel it stays between the voxels
+ * that it separates. */
 static const float usual_limit = 0.5F, line_limit = 1, thread_limit = 0.1F;
 
 static bool add_vertex(making *k, const int *corner, int count, error *e)
@@ -98,9 +98,9 @@ static bool add_vertex(making *k, const int *corner, int count, error *e)
     return true;
 }
 
-/* The vertex between two, three or four corners, given in ascending order. It is known by its first voxel,
- * and the bits of the others as seen from there: of tetrahedra that share an edge or a side these are the
- * same. */
+/* The vertex between two, three or four corners, given in ascending order. Its key is the voxel of the first
+ * corner and the axis bits of the others relative to it. Tetrahedra with a common edge or face give the same
+ * key. */
 static bool vertex_between(making *k, const int *corner, int count, uint32_t *number, error *e)
 {
     enum { CODES = 128, WHOLE = 64 };
@@ -131,8 +131,8 @@ static vec3 middle_of(const making *k, uint16_t label)
     return vec3_scale(sum, 1.0 / count);
 }
 
-/* A convex piece of the interface of two materials, as triangles whose normals point from the earlier one
- * to the later. */
+/* Adds a convex polygon of the interface of two materials as triangles. Their normals point from the
+ * material with the smaller number to the other one. */
 static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner, int count, error *e)
 {
     const uint16_t first = a < b ? a : b, second = a < b ? b : a;
@@ -156,8 +156,7 @@ static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner,
     return true;
 }
 
-/* The vertex of the side of corners i, j, k; of two or three materials the vertex between two corners that
- * differ. */
+/* The vertex of a set of corners, given as bits: of an edge, a face or the tetrahedron. */
 static bool vertex_of(making *k, unsigned set, uint32_t *number, error *e)
 {
     int corner[4], count = 0;
@@ -174,7 +173,8 @@ static bool piece_of(making *k, uint16_t a, uint16_t b, const unsigned *sets, in
     return add_piece(k, a, b, corner, count, e);
 }
 
-/* Two materials: one corner is cut off, or two from two. `one`: the corners of the first material. */
+/* Divides a tetrahedron of two materials: a triangle separates one corner, or a quadrilateral two corners.
+ * `one`: the corners of the first material. */
 static bool cut_in_two(making *k, unsigned one, error *e)
 {
     int in[4], out[4], ins = 0, outs = 0;
@@ -196,8 +196,8 @@ static bool cut_in_two(making *k, unsigned one, error *e)
                     e);
 }
 
-/* Three materials, of which corners i and j have one: its interfaces with both others, and theirs, which meet
- * in a segment between the vertices of two sides. */
+/* Divides a tetrahedron of three materials; corners i and j have the same. The two interfaces of their
+ * material and the interface of the other two meet in a segment between two face vertices. */
 static bool cut_in_three(making *k, int i, int j, error *e)
 {
     int other[2], count = 0;
@@ -236,7 +236,7 @@ static bool cut(making *k, error *e)
             j = b;
         }
     }
-    switch (equal) { /* pairs of corners of one material */
+    switch (equal) { /* number of pairs of corners with the same material */
     case 0:
         return cut_in_four(k, e);
     case 1:
@@ -269,7 +269,7 @@ static bool is_mixed(const label_volume *v, int64_t x, int64_t y, int64_t z)
            at[slice + row] != own || at[slice + row + 1] != own;
 }
 
-/* Those that begin in a block of voxels. */
+/* Divides the cells whose lowest voxel lies in the block. */
 static bool cut_block(making *k, const int64_t low[3], error *e)
 {
     const int64_t *size = k->v->size;
@@ -295,7 +295,8 @@ static bool check_count(const making *k, error *e)
                      k->most);
 }
 
-/* Block by block: what is near in space is near in memory. */
+/* Divides all cells, block by block, so that vertices near each other in space are near each other in
+ * memory. */
 static bool cut_cells(making *k, error *e)
 {
     const int64_t *size = k->v->size;
@@ -307,7 +308,7 @@ static bool cut_cells(making *k, error *e)
     return true;
 }
 
-/* ---- the whole */
+/* ---- public functions */
 
 static void keep_wanted(making *k, label_mesh_wanted *wanted, const void *context)
 {
@@ -326,7 +327,8 @@ static void to_world(mesh *m, const double map[3][4])
     for (size_t v = 0; v < m->vertex_count; v++)
         m->vertex[v] = affine_apply(map, m->vertex[v].x, m->vertex[v].y, m->vertex[v].z);
     if (affine_invert(map, inverse) > 0) return;
-    for (size_t n = 0; n < m->triangle_count; n++) { /* a mirror turns them */
+    /* a mirroring transform reverses the orientation */
+    for (size_t n = 0; n < m->triangle_count; n++) {
         const uint32_t swap = m->triangle[n][1];
         m->triangle[n][1] = m->triangle[n][2];
         m->triangle[n][2] = swap;

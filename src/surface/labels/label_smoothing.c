@@ -11,12 +11,12 @@
 
 static const char what[] = "the smoothing of the labels";
 
-/* How often the filter is applied and vertices are brought back into their boxes: the second time takes out
- * the kinks that the first left there. */
+/* ROUNDS: the filter is applied this many times, each time followed by clamping vertices to their boxes; the
+ * second round removes the kinks that the first clamping causes. */
 enum { ROUNDS = 2, MOST_TERMS = 128, NODES = 512, GRAIN = 4096 };
 
-/* The eigenvalue of a wave, times its length squared: (2 pi)^2 / 8, for neighbours at the distance that they
- * have in tetrahedra of voxels, the square root of one half. */
+/* Eigenvalue 1 - k of a wave: k = per_length2 / length^2. (2 pi)^2 / 8, for neighbours at the mean distance
+ * in the tetrahedra of voxels, sqrt(1 / 2). */
 static const double per_length2 = 4.93;
 static const double least_term = 1e-4;
 /* Radius around a line within which interfaces are fitted to locate it, in lengths of smoothing. */
@@ -24,15 +24,16 @@ static const double near_lines = 1.02;
 
 typedef struct work {
     const label_smoothing *s;
-    const vec3 *from; /* before */
+    const vec3 *from; /* positions before smoothing */
     label_graph graph;
-    vec3 *old, *now;            /* two terms: the next takes the place of the older one */
-    vec3 *sum;                  /* what they add up to: the vertices of the mesh */
-    double factor;              /* of the next */
-    const vec3 *normal;         /* of each vertex */
-    const unsigned char *rings; /* from each vertex to a line; more than RINGS: RINGS + 1 */
-    bool begins;                /* the next is the first mean */
-    bool corners_stay;          /* they were brought to where their interfaces meet */
+    vec3 *old, *now;            /* the last two terms of the recurrence; the next one replaces the older */
+    vec3 *sum;                  /* sum of the terms so far: the vertices of the mesh */
+    double factor;              /* coefficient of the next term */
+    const vec3 *normal;         /* per vertex */
+    const unsigned char *rings; /* number of edges from each vertex to a line; RINGS + 1 if there are more
+                                 * than RINGS */
+    bool begins;                /* the next term is the first mean */
+    bool corners_stay;          /* corners of lines are fixed, since they were fitted to their interfaces */
 } work;
 
 /* ---- the filter */
@@ -45,8 +46,8 @@ static bool is_at_end(const label_smoothing *s, vec3 x)
     return is;
 }
 
-/* The coefficients of exp(-(k / c)^2) in Chebyshev's polynomials of 1 - k; returns how many matter. They
- * add up to 1. */
+/* Computes the coefficients of exp(-(k / c)^2) in Chebyshev polynomials of 1 - k, with the sum 1. Returns
+ * the number of coefficients that are not negligible. */
 static int make_terms(double length, double term[MOST_TERMS])
 {
     const double c = per_length2 / (length * length);
@@ -65,7 +66,8 @@ static int make_terms(double length, double term[MOST_TERMS])
     return count;
 }
 
-/* The neighbours whose mean smooths a vertex: on a line those along it, and none for a fixed corner. */
+/* The number of neighbours whose mean smooths a vertex: on a line, its neighbours along the line; 0 for a
+ * fixed corner. */
 static size_t count_smoothing(const work *w, size_t v)
 {
     const label_graph *g = &w->graph;
@@ -94,7 +96,7 @@ static double clamped(double x, double from, double limit, int64_t size)
     return fmin(fmax(x, from - limit), from + limit);
 }
 
-/* Into their boxes, from `to`. */
+/* Sets the vertices of m to the positions `to`, clamped to their boxes. */
 static void bring_back(const work *w, const vec3 *to, mesh *m)
 {
     for (size_t v = 0; v < m->vertex_count; v++) {
@@ -105,7 +107,7 @@ static void bring_back(const work *w, const vec3 *to, mesh *m)
     }
 }
 
-/* One round: the filter, of mesh to mesh, and back into the boxes. */
+/* One round: applies the filter to the mesh, then clamps the vertices to their boxes. */
 static void apply_terms(work *w, mesh *m, const double *term, int count, threads *pool)
 {
     const size_t vertices = m->vertex_count;
@@ -143,8 +145,8 @@ static bool fit_lines(work *w, mesh *m, threads *pool, error *e)
 
 /* ---- beside lines */
 
-/* Lines may be moved past the vertices beside them: these are spread in the plane of the surface, over RINGS
- * rings of neighbours, in SPREADS passes. */
+/* Fitting may move lines past the vertices beside them. These are redistributed tangentially, up to RINGS
+ * edges away from lines, in SPREADS passes. */
 enum { RINGS = 3, SPREADS = 10 };
 
 static void count_rings(const label_graph *g, size_t vertices, unsigned char *rings)
@@ -156,7 +158,7 @@ static void count_rings(const label_graph *g, size_t vertices, unsigned char *ri
                 if (rings[g->neighbour[i]] > ring + 1) rings[g->neighbour[i]] = (unsigned char)(ring + 1);
 }
 
-/* To the mean of its neighbours, but not along the normal. */
+/* Moves vertices to the mean of their neighbours, without the component along the normal. */
 static void spread_some(void *context, int worker, size_t begin, size_t end)
 {
     const work *w = context;
@@ -173,7 +175,7 @@ static void spread_some(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* The triangles at vertices that are spread: these alone need normals. Returns how many. */
+/* Lists the triangles at redistributed vertices: only these vertices need normals. Returns their number. */
 static size_t list_beside_lines(const work *w, const mesh *m, uint32_t (*out)[3])
 {
     size_t count = 0;

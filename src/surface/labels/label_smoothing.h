@@ -18,7 +18,7 @@
 typedef struct label_smoothing {
     /* in voxels: the amplitude of waves of this length is multiplied by 1/e; 0: no smoothing */
     double length;
-    const float *limit; /* of each vertex: the maximum displacement along each axis, in voxels */
+    const float *limit; /* per vertex: the maximum displacement along each axis, in voxels */
     int64_t size[3];    /* of the volume, in voxels: a vertex on its boundary stays on it */
 } label_smoothing;
 

@@ -13,11 +13,11 @@
 #include "geometry/space/packing.h"
 
 struct label_surface {
-    label_volume labels; /* its voxels are gone once there are triangles */
+    label_volume labels; /* its voxels are freed after the triangles are made */
     mesh_surface *surface;
     label_thin *thin;
     size_t thin_count;
-    dense_warnings warnings; /* of the reader */
+    dense_warnings warnings; /* warnings of the reader */
 };
 
 typedef struct wanted_pairs {
@@ -38,7 +38,7 @@ static bool is_wanted(const void *context, uint16_t first, uint16_t second)
 
 /* ---- thin labels */
 
-/* A patch between a thin label and one that is not. */
+/* A patch between a thin label and a label that is not thin. */
 typedef struct thin_side {
     size_t thin, other, patch;
 } thin_side;
@@ -67,8 +67,8 @@ static size_t list_sides(const label_surface *s, thin_side *out)
     return count;
 }
 
-/* Finds among the sides of one thin label, from `first` on, the other label with the largest area; between
- * equal ones the one whose patches end earlier. Returns the index of the next label's sides. */
+/* Among the sides of one thin label, which start at `first`, finds the other label with the largest total
+ * area; of equal ones, the one whose last patch comes first. Returns the index of the next label's sides. */
 static size_t choose_largest(const label_surface *s, const thin_side *side, size_t count, size_t first,
                              size_t *best)
 {
@@ -248,9 +248,9 @@ const label_thin *label_surface_thin(const label_surface *s, size_t *count)
     return s->thin;
 }
 
-/* A label is ragged that has more thin voxels than this share of the faces of a ball as large. Balls and
- * ellipsoids of 5 voxels' radius have at most .08, of 10 voxels' .024; labels of a frog, whose slices do not
- * fit to each other, .15 to .45. */
+/* A label is ragged if its number of thin voxels exceeds this fraction of the number of faces of a ball with
+ * the same volume. Balls and ellipsoids: at most 0.08 for a radius of 5 voxels, 0.024 for 10. Labels of a
+ * frog whose slices do not match: 0.15 to 0.45. */
 static const double RAGGED = 0.1;
 
 bool label_surface_is_ragged(const label_surface *s, double radius)
@@ -265,7 +265,8 @@ bool label_surface_is_ragged(const label_surface *s, double radius)
     for (size_t k = 0; k < s->labels.count; k++) {
         const label_material *m = &s->labels.material[k];
         if (m == largest || m->background || m->voxels == 0 || label_thinness_is_thin(m)) continue;
-        const double own = cbrt(3 / (4 * M_PI) * (double)m->voxels); /* in voxels */
+        /* radius of the ball, in voxels */
+        const double own = cbrt(3 / (4 * M_PI) * (double)m->voxels);
         ragged += (double)m->thin > RAGGED * 4 * M_PI * own * own && own * cbrt(unit) >= radius;
         all++;
     }
@@ -278,7 +279,7 @@ double label_surface_voxel(const label_surface *s)
     return label_volume_sides(&s->labels, side);
 }
 
-/* Labels of which the majority takes more than this share. */
+/* A label that loses more than this fraction of its voxels by the majority filter is named in a warning. */
 static const double MUCH = 0.25;
 
 static void warn_of_taken(const label_volume *v, json *warnings)

@@ -12,7 +12,7 @@
 typedef struct label_surface_request {
     slices *from; /* the volume; not used after label_surface_open */
     const spec_labels *spec;
-    double spacing; /* of the points; 0: determined by `count` */
+    double spacing; /* spacing of the points; 0: determined by `count` */
     double count;
     size_t memory_limit;
     threads *pool;

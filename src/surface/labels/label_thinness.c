@@ -7,11 +7,12 @@
 
 #include "base/core/memory.h"
 
-/* Thin labels that a report names, each by a warning; rows of voxels that a thread takes at once. */
+/* MOST_NAMED: maximum number of thin labels that get a warning of their own. GRAIN: rows of voxels in a
+ * chunk of work. */
 enum { MOST_NAMED = 5, GRAIN = 64 };
 
-/* Whether the box of voxels from `low` to `high`, which has the voxel `own`, lies in the volume and is of
- * one material. */
+/* Whether all voxels of the box `low` to `high`, which contains a voxel of material `own`, lie in the volume
+ * and have this material. */
 static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_t high[3], uint16_t own)
 {
     for (int k = 0; k < 3; k++)
@@ -23,13 +24,14 @@ static bool is_uniform(const label_volume *v, const int64_t low[3], const int64_
     return true;
 }
 
-/* Whether a box that is two voxels long along each axis but `flat` has the voxel, and is of one material.
- * flat 3: a cube. Along an axis of one voxel all boxes have one: what has no thickness there is not thin. */
+/* Whether the voxel lies in a box of its material that has two voxels along each axis except `flat` (3:
+ * along all axes). Along an axis with one voxel a box has one, so that a volume of one slice is not thin
+ * everywhere. */
 static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, int flat)
 {
     for (int corner = 0; corner < 8; corner++) {
         int64_t low[3], high[3];
-        bool again = false; /* another corner has this box */
+        bool again = false; /* the box is the same as that of another corner */
         for (int k = 0; k < 3; k++) {
             const int64_t longer = k != flat && v->size[k] > 1, before = corner >> k & 1;
             again |= !longer && before;
@@ -43,13 +45,13 @@ static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, 
 
 typedef struct finding {
     const label_volume *v;
-    atomic_ullong *thin, *rows; /* of each material */
+    atomic_ullong *thin, *rows; /* per material */
 } finding;
 
 enum { WORD = 4 }; /* voxels that are compared at a time */
 
-/* Whether the next voxels of a row are of one material with those of the rows beside it, behind it and
- * across: none of them is thin. Most are; boxes are looked at where they are not. */
+/* Whether the next WORD voxels of a row and of the three adjacent rows (y + 1, z + 1, both) have one
+ * material: then none of them is thin. A fast test, true for most voxels; the boxes are tested otherwise. */
 static bool is_thick(const label_volume *v, const int64_t at[3], uint16_t own)
 {
     if (at[0] + WORD > v->size[0] || at[1] + 1 >= v->size[1] || at[2] + 1 >= v->size[2]) return false;
@@ -64,7 +66,7 @@ static bool is_thick(const label_volume *v, const int64_t at[3], uint16_t own)
     return is;
 }
 
-/* Rows of voxels along x. */
+/* Counts the thin voxels of rows along x. */
 static void find_in_rows(void *context, int worker, size_t begin, size_t end)
 {
     const finding *f = context;

@@ -14,9 +14,9 @@
 
 static const char what[] = "the labels of the volume";
 
-/* Labels by their values, numbered in the order in which they come. */
+/* The labels found so far: their values, numbered in the order of their occurrence. */
 typedef struct reading {
-    block_map numbers; /* by the low and the high 32 bits of the value, and 0 */
+    block_map numbers; /* key: the low and the high 32 bits of the value, and 0 */
     const slices *from;
     label_volume *out;
     size_t room;
@@ -55,7 +55,7 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
     return true;
 }
 
-/* The slices into the middle of the array, `around` voxels from its sides. */
+/* Reads the slices into the array, `around` voxels away from its faces. */
 static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
 {
     const int64_t *size = from->size;
@@ -80,7 +80,7 @@ static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
     return ok;
 }
 
-/* ---- what is made of the labels */
+/* ---- conversion of labels to materials */
 
 static bool contains(const spec_list *l, int64_t value)
 {
@@ -89,7 +89,8 @@ static bool contains(const spec_list *l, int64_t value)
     return false;
 }
 
-/* What a label of the file counts as. */
+/* The value that a label of the file is mapped to: the first one of its group, or the background if it is
+ * not chosen. */
 static int64_t counts_as(const spec_labels *c, int64_t value, int64_t background)
 {
     for (size_t g = 0; g < c->group_count; g++)
@@ -116,7 +117,8 @@ static bool check_choice(const label_volume *v, const spec_labels *c, error *e)
     return true;
 }
 
-/* The one that is named; else 0, if it is none of the chosen ones; else one below all. */
+/* The background: the value that is specified; else 0 if labels are chosen and 0 is not one of them; else
+ * one less than all values. */
 static int64_t background_of(const label_volume *v, const spec_labels *c)
 {
     int64_t least = 0;
@@ -150,7 +152,7 @@ static void unite(label_material *to, const label_material *from)
     }
 }
 
-/* Finds the place of a value, or makes one at the end. */
+/* The index of a value in the list. Appends it if it is missing. */
 static size_t place_of(label_material *list, size_t *count, int64_t value)
 {
     for (size_t k = 0; k < *count; k++)
@@ -160,8 +162,8 @@ static size_t place_of(label_material *list, size_t *count, int64_t value)
     return (*count)++;
 }
 
-/* Makes materials of labels, in their order, and says so in the array. `outside`: the voxels of the layer
- * around. */
+/* Maps labels to materials in ascending order, and replaces the voxels. `outside`: the number of voxels of
+ * the layer around the volume. */
 static bool make_materials(label_volume *v, const spec_labels *c, bool is_background_needed, error *e)
 {
     const int64_t background = background_of(v, c);
@@ -218,8 +220,8 @@ static bool make_room(label_volume *v, const slices *from, int64_t around, size_
                          voxels, ceil(needed / (1 << 20)), memory_limit >> 20,
                          ceil((needed - (double)memory_limit) / (1 << 20)));
     v->at = mem_array((size_t)voxels, sizeof *v->at, what, e);
-    if (v->at && around)
-        memset(v->at, 0xff, (size_t)voxels * sizeof *v->at); /* LABEL_VOLUME_MOST: beyond the end */
+    if (v->at && around) /* all voxels become LABEL_VOLUME_MOST: outside the volume */
+        memset(v->at, 0xff, (size_t)voxels * sizeof *v->at);
     return v->at != NULL;
 }
 

@@ -25,8 +25,8 @@ typedef struct label_material {
     /* the number of voxels in the file; after label_majority, the number that results from it */
     uint64_t voxels;
     uint64_t before; /* after label_majority: the number of voxels in the file; otherwise 0 */
-    /* the number of voxels in no block of 2 x 2 x 2 voxels of the material; of these, the number in no square
-     * of 2 x 2 (label_thinness) */
+    /* thin: number of voxels that are in no block of 2 x 2 x 2 voxels of the material. rows: the number of
+     * these that are in no square of 2 x 2 voxels (label_thinness) */
     uint64_t thin, rows;
     /* the bounding box of the voxels, in voxels of the file; low > high: no voxels */
     int64_t low[3], high[3];

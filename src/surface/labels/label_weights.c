@@ -9,34 +9,36 @@
 
 static const char what[] = "the weights of the labels";
 
-/* Newton's method, label by label. Both of two labels that meet move by the whole step, so the step is
- * reduced; a weight is at most doubled or halved, and by less each time that it went too far: a layer is won
- * or lost in one step, and the best round counts. Rounds take less than a tenth of the filter's time. */
+/* Newton's method for the logarithm of each weight separately. A step is multiplied by part_of_step, because
+ * the neighbouring label also moves. A weight is at most doubled or halved; this limit decreases by `less`
+ * after an overshoot and increases by `more` otherwise. A layer of voxels may change its label in one step,
+ * so that the best round is used. The rounds take less than a tenth of the filter's time. */
 static const double part_of_step = 0.7, first_limit = M_LN2, less = 0.5, more = 1.2;
-static const double enough = 0.001; /* of the voxels of a label, too many or too few */
+static const double enough = 0.001; /* tolerance, as a fraction of the voxels of a label */
 enum { ROUNDS = 40 };
 
-/* Voxels won, and those that go from or to a label when its weight changes by a factor of at most e^NEAR. */
-static const float near_factor = 0.8187308F; /* e^-.2 */
+/* near_factor = e^-near_log, near_log = 0.2. Voxels whose winner changes if the weight of a label changes by
+ * this factor estimate the slope of Newton's method. */
+static const float near_factor = 0.8187308F;
 static const double near_log = 0.2;
 
 typedef struct tally {
     int64_t won, near;
 } tally;
 
-/* For a label: the maximum next change of its weight, in logarithms, and whether it lacked voxels the last
- * time. */
+/* The state of a label: the maximum change of the logarithm of its weight in the next round, and the sign of
+ * its last deviation. */
 typedef struct course {
     double limit;
-    int lacked; /* 1, or -1; 0: neither */
+    int lacked; /* 1: too few voxels; -1: too many; 0: within the tolerance so far */
 } course;
 
 typedef struct finding {
     const label_contests *list;
-    float *weight; /* of this round */
-    tally *of;     /* of each worker, of each label */
+    float *weight; /* weights of this round */
+    tally *of;     /* per worker and label */
     size_t labels;
-    course *course; /* of each label */
+    course *course; /* per label */
 } finding;
 
 static void count_wins(void *context, int worker, size_t begin, size_t end)
@@ -60,8 +62,8 @@ static void count_wins(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Adds all workers' tallies to the first one's. Returns the sum over labels of how many voxels too many or
- * too few each has, as a share of its own. */
+/* Adds the tallies of all workers to those of the first one. Returns the sum over all labels of the relative
+ * error of their numbers of voxels. */
 static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
 {
     double missed = 0;
@@ -75,7 +77,7 @@ static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
     return missed;
 }
 
-/* Returns whether none changes any more: all have about what they want, or are at a bound. */
+/* Makes one step. Returns whether no weight changed: every label is within the tolerance or at a bound. */
 static bool change_weights(const finding *f, const label_wish *wish)
 {
     const double most = sqrt(LABEL_WEIGHTS_RATIO);

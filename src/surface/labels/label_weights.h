@@ -21,7 +21,7 @@
 enum { LABEL_RIVALS = 4, LABEL_WEIGHTS_RATIO = 16 };
 
 typedef struct label_contest {
-    uint16_t place; /* of the voxel; defined by the caller */
+    uint16_t place; /* identifies the voxel; defined by the caller */
     /* the candidate labels of the voxel, largest indicator first, and the ratios of their indicators to the
      * largest, in 1/65535; a share of 0 ends the list */
     uint16_t label[LABEL_RIVALS], share[LABEL_RIVALS];
@@ -51,10 +51,10 @@ typedef struct label_wish {
     int64_t voxels, wanted;
 } label_wish;
 
-/* Stores in weight[] weights for which each label keeps its number of voxels to within a thousandth, or as
- * nearly as possible in the rounds that are made (a layer of voxels between two labels may be won as a whole
- * or not at all). Weights are within 1/4 .. 4, so that very thin labels may get too few voxels. The result
- * does not depend on the number of threads. Errors: limit_memory. */
+/* Stores in weight[] weights for which each label keeps its number of voxels to within a thousandth. If that
+ * is not reached in the available rounds, it stores the weights with the smallest error: a layer of voxels
+ * between two labels may be won only as a whole. Weights are within 1/4 .. 4, so that very thin labels may
+ * get too few voxels. The result does not depend on the number of threads. Errors: limit_memory. */
 bool label_weights_find(const label_contests *list, size_t lists, const label_wish *wish, size_t labels,
                         threads *pool, float *weight, error *e);
 /* bytes that label_weights_find uses, including weight[] and wish[] */

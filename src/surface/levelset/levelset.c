@@ -16,7 +16,7 @@
 
 #define SIDE VDB_LEAF_SIDE
 #define VOXELS VDB_LEAF_VOXELS
-#define TILE_BLOCKS 16 /* blocks along a side of the larger of the two sizes of tiles */
+#define TILE_BLOCKS 16 /* side of the larger tiles, in blocks */
 
 enum { CHUNK = 4096 }; /* of vertices */
 

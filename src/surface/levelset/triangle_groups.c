@@ -414,7 +414,7 @@ static places middles_of_group(const triangle_groups *k, uint32_t group, vec3 or
     return p;
 }
 
-/* The same for a linked list of voxels and many places. */
+/* bound_by_place for all voxels of a linked list and many places. */
 ISA_CLONES static void bound_by_places(const places *p, int voxel, const int16_t next[VOXELS], bounds *b)
 {
     for (; voxel >= 0; voxel = next[voxel]) {

@@ -10,15 +10,15 @@
 
 static const char what[] = "the pieces of the mesh";
 
-/* Halvings of a side, one after the other. */
+/* Maximum number of passes; each halves a side at most once. */
 enum { MOST_PASSES = 24 };
 
-/* ---- sides and the vertices in their middles ---- */
+/* ---- sides and their midpoint vertices ---- */
 
-#define WHOLE UINT32_MAX /* a side that is not halved; and there are fewer vertices and triangles */
+#define WHOLE UINT32_MAX /* a side that is not halved; greater than any index of a vertex or triangle */
 
 typedef struct side {
-    uint32_t low, high; /* the same: an empty place of the table */
+    uint32_t low, high; /* equal: a free slot of the hash table */
     uint32_t middle;
 } side;
 
@@ -31,7 +31,8 @@ typedef struct halving {
     size_t mask, vertex_room, triangle_room;
 } halving;
 
-/* Maximum distance, in lengths of the side, from a side's middle to a point whose spacing counts there. */
+/* The spacing at the midpoint of a side is that of a point within this distance of it, or else of the
+ * nearest point. In side lengths. */
 static const double NEAR_ENOUGH = 0.5;
 
 static bool needs_halving(const halving *h, vec3 a, vec3 b, vec3 middle)
@@ -48,7 +49,8 @@ static bool too_many(error *e)
                      "mesh.ply requires more than %u pieces of the mesh: ask for fewer points", WHOLE);
 }
 
-/* The vertex in the middle of a side, which is made when the side is met first, or WHOLE. */
+/* The vertex at the midpoint of a side, created at the first call for the side; WHOLE if the side is not
+ * halved. */
 static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error *e)
 {
     mesh *m = &h->out->m;
@@ -73,7 +75,7 @@ static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error 
     return true;
 }
 
-/* The triangles that a triangle becomes some of whose sides are halved; their number. */
+/* The triangles into which a triangle is divided at its halved sides. Returns their number. */
 static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32_t out[4][3])
 {
     int halved = 0, first = 0;
@@ -88,7 +90,7 @@ static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32
                                      {middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}};
         memcpy(out, made, sizeof made);
     }
-    if (halved == 2) { /* the sides that begin at corners a and b are halved */
+    if (halved == 2) { /* the sides that begin at the corners a and b are halved */
         const int whole = 3 - first, a = (whole + 1) % 3, b = (whole + 2) % 3;
         const uint32_t made[3][3] = {
             {middle[a], t[b], middle[b]}, {t[whole], t[a], middle[a]}, {t[whole], middle[a], middle[b]}};
@@ -114,7 +116,7 @@ static bool keep_triangle(mesh *m, const uint32_t t[3], size_t *room, error *e)
     return true;
 }
 
-/* Halves every side of the triangles at hand once that is too long. Those of which none is are done. */
+/* Halves each side that is too long once. Triangles without such a side are finished and leave the list. */
 static bool halve_sides(halving *h, uint32_t (**at_hand)[3], size_t *count, error *e)
 {
     size_t places = 16, made = 0;
@@ -140,7 +142,7 @@ static bool halve_sides(halving *h, uint32_t (**at_hand)[3], size_t *count, erro
     return ok;
 }
 
-/* ---- the whole ---- */
+/* ---- public functions ---- */
 
 static bool list_around(fine_mesh *f, error *e)
 {

@@ -13,7 +13,7 @@
 
 typedef struct fine_mesh {
     mesh m;
-    /* vertex_count + 1: vertex v has the triangles around[first[v]] .. around[first[v + 1] - 1] */
+    /* vertex_count + 1 entries: vertex v has the triangles around[first[v]] .. around[first[v + 1] - 1] */
     size_t *first;
     uint32_t *around;
 } fine_mesh;

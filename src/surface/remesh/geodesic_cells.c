@@ -9,7 +9,7 @@
 
 static const char what[] = "the cells of the points";
 
-/* A vertex as a cell may reach it. */
+/* A candidate: the distance of a vertex from the point `name`. */
 typedef struct reach {
     double distance;
     uint32_t vertex, name;
@@ -17,9 +17,10 @@ typedef struct reach {
 
 typedef struct growth {
     const fine_mesh *f;
-    double *distance;         /* of each vertex the least that it was offered, INFINITY before */
-    uint32_t *offered, *name; /* by which cell, and whose it is once it has been reached */
-    reach *heap;              /* the nearest first */
+    double *distance;         /* per vertex: the least candidate distance so far, INFINITY if there is none */
+    uint32_t *offered, *name; /* per vertex: the point of this candidate; the point of the cell once the
+                               * vertex is final */
+    reach *heap;              /* candidates; the one with the least distance is on top */
     size_t count, room;
 } growth;
 
@@ -59,10 +60,10 @@ static reach pop(growth *g)
     return top;
 }
 
-/* ---- growing ---- */
+/* ---- propagation ---- */
 
-/* The distance of w from the point with the distances from_u and from_v to u and v, in the plane of the
- * three. */
+/* The distance of w from a point whose distances from u and v are from_u and from_v, with the triangle
+ * unfolded into the plane. */
 static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3 w)
 {
     const vec3 along = vec3_sub(v, u), to = vec3_sub(w, u);
@@ -76,7 +77,8 @@ static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3
     return crossing >= 0 && crossing <= length ? sqrt((wx - x) * (wx - x) + (wy + y) * (wy + y)) : straight;
 }
 
-/* An offer that a vertex had better ones than never comes to the top. */
+/* Pushes a candidate if it is better than the previous candidates of its vertex. Worse candidates in the
+ * heap are skipped later, because the vertex is final then. */
 static bool offer(growth *g, reach r, error *e)
 {
     const uint32_t v = r.vertex;
@@ -86,7 +88,7 @@ static bool offer(growth *g, reach r, error *e)
     return push(g, r, e);
 }
 
-/* Offers what the cell of v, which has just been reached, sees across its triangles. */
+/* Pushes candidates for the neighbours of v, which has just become final, across its triangles. */
 static bool look_around(growth *g, uint32_t v, error *e)
 {
     const mesh *m = &g->f->m;
@@ -106,7 +108,7 @@ static bool look_around(growth *g, uint32_t v, error *e)
     return true;
 }
 
-/* Each point reaches the corners of its triangle. */
+/* Pushes each point as a candidate for the corners of its triangle. */
 static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
 {
     const mesh *m = &g->f->m;

@@ -10,14 +10,14 @@
 
 static const char what[] = "places that triangles leave out";
 
-/* Sides of the pieces whose corners are looked at, in spacings. */
+/* Maximum side, in spacings, of the pieces of the mesh whose corners are tested. */
 static const double PIECES = 0.4;
-/* Places of a triangle that are looked at: the middles of its sides, and its own. */
+/* Number of tested places of a triangle: the midpoints of its sides, and its centroid. */
 enum { OF_TRIANGLE = 4 };
 
 typedef struct far_place {
     vec3 at;
-    double share, spacing; /* how far from the other mesh, in spacings */
+    double share, spacing; /* share: distance from the other mesh, in spacings */
 } far_place;
 
 typedef struct search {
@@ -25,7 +25,7 @@ typedef struct search {
     double share;
     const mesh *pieces, *made;
     const triangle_tree *of_mesh, *of_made;
-    far_place *found; /* of each place that is looked at; share 0: it is near */
+    far_place *found; /* per tested place; share 0: it is not far */
 } search;
 
 static vec3 corner_of(const mesh *m, size_t n, int k)
@@ -86,7 +86,7 @@ static int by_share(const void *left, const void *right)
     return vec3_compare(a->at, b->at);
 }
 
-/* The farthest of those that are near each other stays; returns how many do. */
+/* Keeps the farthest place of each neighbourhood. Returns the number of kept places. */
 static size_t choose(far_place *found, size_t count, size_t most, vec3 *out)
 {
     size_t far = 0, kept = 0;

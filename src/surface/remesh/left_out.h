@@ -14,9 +14,9 @@
 typedef struct left_out_input {
     const mesh *on;
     size_t count;
-    const vec3 *position; /* on the mesh */
+    const vec3 *position; /* points on the mesh */
     const double *spacing;
-    const uint32_t (*triangle)[3]; /* between these points; at least one */
+    const uint32_t (*triangle)[3]; /* triangles between these points; at least one */
     size_t triangles;
 } left_out_input;
 

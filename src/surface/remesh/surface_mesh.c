@@ -11,13 +11,14 @@
 
 static const char what[] = "the mesh of the surface";
 
-/* Sides of the pieces, in spacings: shorter ones make no better cells. */
+/* Maximum side, in spacings, of the pieces of the mesh on which cells are grown. Smaller pieces do not give
+ * better cells. */
 static const double PIECES = 0.4;
-/* An edge is flipped only if both triangles face what both faced before to this cosine. */
+/* Minimum cosine between the normals of the triangles after a flip and the mean normal before it. */
 static const double FACING = 0.5;
-/* Angles are the same where they differ by no more. */
+/* Tolerance for equal angles, radians. */
 static const double SAME_ANGLE = 1e-9;
-/* Flips for each edge, at most: few need any. */
+/* Maximum number of flips per edge; few are needed. */
 enum { MOST_FLIPS = 20 };
 /* Maximum passes over edges that are present twice: a flip can make another flip possible. */
 enum { MOST_PARTINGS = 10 };
@@ -25,19 +26,18 @@ enum { MOST_PARTINGS = 10 };
 #define NONE SIZE_MAX
 
 typedef struct flipping {
-    const vec3 *at; /* of each name */
+    const vec3 *at; /* position of each name */
     uint32_t (*triangle)[3];
     size_t count;
-    size_t *twin; /* of side 3 n + k, from corner k of triangle n to the next: the same side of its neighbour,
-                   * or NONE */
-    bool *kept;   /* sides along curves, which are not flipped */
-    double
-        *off; /* of each side, how far the edge between the cells is from the middle between their points */
-    size_t *side_of; /* of each name a side that begins there, or NONE */
+    size_t *twin; /* per side: the adjacent triangle's side at the same edge, or NONE. Side 3 n + k goes from
+                   * corner k of triangle n to the next corner */
+    bool *kept;   /* per side: it is along a curve and not flipped */
+    double *off;  /* per side: distance between the edge of the two cells and the midpoint of their points */
+    size_t *side_of; /* per name: a side that begins there, or NONE */
     size_t *stack;
     bool *waits;
     size_t waiting;
-    uint32_t (*doubled)[2]; /* points that several edges join */
+    uint32_t (*doubled)[2]; /* pairs of points that are joined by several edges */
     size_t doubled_count;
 } flipping;
 
@@ -53,7 +53,8 @@ static uint32_t start_of(const flipping *f, size_t side)
 
 /* ---- the dual ---- */
 
-/* Of each piece that three cells meet in a triangle; *of is its number, or NONE. */
+/* Lists the dual: one triangle for each piece whose three corners belong to different cells. of[n]: the
+ * index of the triangle of piece n, or NONE. Returns the number of triangles. */
 static size_t list_dual(const fine_mesh *f, const uint32_t *name, uint32_t (*out)[3], size_t *of)
 {
     size_t count = 0;
@@ -70,8 +71,8 @@ static size_t list_dual(const fine_mesh *f, const uint32_t *name, uint32_t (*out
     return count;
 }
 
-/* The piece on the other side of the edge from u to v of a piece, and its corner there; NONE where the mesh
- * ends or does not go on in one piece that faces the same way. */
+/* The piece adjacent to the piece `from` at its edge (u, v), and the index of u in it. NONE: the mesh ends
+ * there, several pieces meet, or the orientations differ. */
 static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t v, uint32_t *corner)
 {
     size_t found = NONE;
@@ -87,8 +88,9 @@ static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t
     return found;
 }
 
-/* Joins the sides of the triangles: along the edge between two cells, from where a third one meets them to
- * where the next one does. Cells that meet along several edges are so joined by as many. */
+/* Finds the twin of each side of the dual: follows the edge between two cells from the piece where a
+ * third cell ends it to the next such piece. Cells that meet along several edges are thus joined by as
+ * many sides. */
 static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of, flipping *f)
 {
     const vec3 *x = fine->m.vertex;
@@ -131,7 +133,7 @@ static int by_ends(const void *left, const void *right)
     return a->side < b->side ? -1 : a->side > b->side;
 }
 
-/* How many sides lead from the first one's start to its end, in the order of by_ends. */
+/* The number of sides with the same start and end as `first`, in the order of by_ends. */
 static size_t run_length(const directed *first, const directed *end)
 {
     size_t count = 1;
@@ -164,7 +166,7 @@ static void join_sides(flipping *f, size_t side, size_t twin)
     if (twin != NONE) f->twin[twin] = side;
 }
 
-/* The edge between two points of a curve stays: of several, that which lies nearest to the curve. */
+/* Marks the edge between two points of a curve as kept: of several, the one nearest to the curve. */
 static void keep_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
 {
     const directed *first = find_run(all, 3 * f->count, a, b), *best = first;
@@ -176,7 +178,7 @@ static void keep_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
     if (f->twin[best->side] != NONE) f->kept[f->twin[best->side]] = true;
 }
 
-/* What is known of sides by their ends: which curves keep, and which ends are joined more than once. */
+/* Sets `kept` from the curves, and lists the pairs of points that are joined by several edges. */
 static bool list_sides(const surface_mesh_input *in, flipping *f, error *e)
 {
     const size_t sides = 3 * f->count;
@@ -208,7 +210,8 @@ static vec3 facing_of(vec3 a, vec3 b, vec3 c)
     return vec3_norm2(across) > 0 ? vec3_unit(across) : (vec3){0, 0, 0};
 }
 
-/* Whether an edge leads from a to b already; of a vertex that is not a disc, true. */
+/* Whether an edge joins a and b, found by walking around a. True also if the triangles around a are not a
+ * disc. */
 static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
 {
     size_t s = f->side_of[a];
@@ -223,13 +226,14 @@ static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
     return true;
 }
 
-/* Whether there is room for an edge between c and d, as the triangles around one of them say. */
+/* Whether an edge between c and d may be added. It is refused only if the walks around both c and d report
+ * an edge. */
 static bool may_join(const flipping *f, uint32_t c, uint32_t d)
 {
     return c != d && (!are_joined(f, c, d) || !are_joined(f, d, c));
 }
 
-/* Whether the edge between a and b, with c and d opposite, is better between c and d. */
+/* Whether replacing the edge (a, b), with the opposite corners c and d, by (c, d) is an improvement. */
 static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 {
     const vec3 *x = f->at;
@@ -249,7 +253,7 @@ static void wait_for(flipping *f, size_t side)
     f->stack[f->waiting++] = s;
 }
 
-/* Triangles a b c and b a d become c d b and d c a. */
+/* Replaces the triangles (a, b, c) and (b, a, d) by (c, d, b) and (d, c, a). */
 static void flip(flipping *f, size_t s)
 {
     const size_t t = f->twin[s], bc = f->twin[next(s)], ca = f->twin[next(next(s))], ad = f->twin[next(t)],
@@ -280,8 +284,8 @@ static void flip(flipping *f, size_t s)
     }
 }
 
-/* Among the edges between two points that may be flipped, the one with the widest opposite angles; *edges
- * counts all. */
+/* Among the edges between two points that may be flipped, the one with the largest sum of opposite angles.
+ * *edges: the number of all edges between them. */
 static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edges)
 {
     const size_t begin = f->side_of[a];
@@ -306,7 +310,7 @@ static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edge
     return worst;
 }
 
-/* Flips all but one of several edges between the same points, if their neighbours permit. */
+/* Flips all but one of several edges between the same points, where flips are permitted. */
 static void part_doubled(flipping *f)
 {
     for (int pass = 0; pass < MOST_PARTINGS; pass++) {
@@ -333,9 +337,9 @@ static void flip_edges(flipping *f)
     }
 }
 
-/* ---- points whose cell one other surrounds ---- */
+/* ---- points whose cell is surrounded by one other cell ---- */
 
-/* The triangle at a point whose middle is nearest to x. */
+/* The triangle at point a whose centroid is nearest to x. */
 static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
 {
     size_t nearest = NONE;
@@ -354,7 +358,7 @@ static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
     return nearest;
 }
 
-/* Cuts a triangle p q r into p q v, and q r v and r p v in two places that are free. */
+/* Replaces triangle n = (p, q, r) by (p, q, v), and stores (q, r, v) and (r, p, v) at two free indices. */
 static void cut_triangle(flipping *f, size_t n, uint32_t v, size_t second, size_t third)
 {
     const uint32_t p = f->triangle[n][0], q = f->triangle[n][1], r = f->triangle[n][2];
@@ -382,9 +386,9 @@ static void insert_point(flipping *f, size_t n, uint32_t v)
     f->count += 2;
 }
 
-/* What a point has that is not a corner of a triangle: the only one whose cell touches its own, SEVERAL,
- * itself where its cell ends with the mesh, NO_CELL if it has no cell. A corner of a triangle has
- * IN_TRIANGLE. */
+/* Values of by[v]. IN_TRIANGLE: v is a corner of a triangle. NO_CELL: v has no cell. SEVERAL: several cells
+ * touch that of v. v itself: its cell ends at a boundary of the mesh. Otherwise: the only point whose cell
+ * touches that of v. */
 #define NO_CELL GEODESIC_CELLS_NONE
 #define IN_TRIANGLE (GEODESIC_CELLS_NONE - 1)
 #define SEVERAL (GEODESIC_CELLS_NONE - 2)
@@ -394,7 +398,8 @@ static bool is_surrounded(const uint32_t *by, uint32_t v)
     return by[v] != NO_CELL && by[v] != IN_TRIANGLE && by[v] != v;
 }
 
-/* Cells that lie on a thorn or a bar like rings, one beside the other, meet no third. */
+/* Whether the cell of v is a ring around a thin part (a spike or a bar): it touches two cells, but no three
+ * cells meet at it. */
 static bool is_ring(const uint32_t *by, const flipping *f, uint32_t v)
 {
     return by[v] == SEVERAL && f->side_of[v] == NONE;
@@ -426,15 +431,16 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
         }
 }
 
-/* A ring becomes a corner between those of the cell beside it, then the next one does; the last may
- * surround another point. */
+/* Inserts surrounded points. A ring is inserted into a triangle at the adjacent cell that has triangles; the
+ * next ring can be inserted then, and finally the point at the tip. */
 static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
                               flipping *f)
 {
     const size_t sides = 6 * fine->m.triangle_count;
     size_t rings = 0, left = SIZE_MAX;
     for (uint32_t v = 0; v < names; v++) rings += is_ring(by, f, v);
-    for (bool back = false; rings > 0 && rings < left; back = !back) { /* whichever way the triangles lie */
+    /* alternate the direction: rings may be inserted in either order */
+    for (bool back = false; rings > 0 && rings < left; back = !back) {
         left = rings;
         for (size_t k = 0; k < sides; k++) {
             const size_t s = back ? sides - 1 - k : k;
@@ -454,20 +460,22 @@ static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const
     }
 }
 
-/* ---- points whose cell reaches around a neck ---- */
+/* ---- points whose cell extends around a neck ---- */
 
-/* Such a point has a fan of triangles at either end of its cell. One fan and a triangle of the other make way
- * for a band between the edges that they leave: the neck. */
+/* The triangles at such a point form two fans, one at each end of its cell. One fan and one triangle of the
+ * other fan are replaced by a band of triangles between their outlines: the neck. MOST_IN_RING: maximum
+ * number of points of a fan. */
 enum { MOST_IN_RING = 64 };
 
 typedef struct ring {
     size_t count;
-    size_t
-        side[MOST_IN_RING]; /* edges from one point to the next, as triangles that are taken away had them */
+    size_t side[MOST_IN_RING]; /* sides between consecutive points; they belong to the triangles that are
+                             * removed */
     uint32_t point[MOST_IN_RING];
 } ring;
 
-/* The points around another, from a side that begins there; false where they do not close or are too many. */
+/* Lists the points around the point at which side `begin` starts. False: the fan is not closed, or has more
+ * than MOST_IN_RING points. */
 static bool walk_fan(const flipping *f, size_t begin, ring *out)
 {
     out->count = 0;
@@ -495,7 +503,7 @@ static bool has_point(const ring *r, uint32_t v)
     return false;
 }
 
-/* A triangle as a ring. */
+/* The outline of one triangle. */
 static ring ring_of(const flipping *f, size_t side)
 {
     ring r = {.count = 3};
@@ -506,10 +514,10 @@ static ring ring_of(const flipping *f, size_t side)
     return r;
 }
 
-/* Whether a fan and a triangle of another one may make way for a band. */
+/* Whether a fan and a triangle of another fan can be replaced by a band. */
 static bool may_make_way(const flipping *f, const ring *fan, const ring *triangle)
 {
-    for (size_t k = 0; k < 3; k++) /* at a handle both ends may have a point in common */
+    for (size_t k = 0; k < 3; k++) /* at a handle, both fans may have a common point */
         if (has_point(fan, triangle->point[k]) || f->twin[triangle->side[k]] == NONE ||
             has_triangle(fan, f->twin[triangle->side[k]] / 3))
             return false;
@@ -521,8 +529,8 @@ static bool may_make_way(const flipping *f, const ring *fan, const ring *triangl
     return true;
 }
 
-/* The triangle of a fan that is nearest to the points of another, of those that may make way, as a ring of
- * its own. */
+/* Finds the triangle of `fan` that is nearest to the points of `to`, among those that can be replaced. *out:
+ * its outline. */
 static bool find_triangle(const flipping *f, const ring *fan, const ring *to, ring *out)
 {
     double least = INFINITY;
@@ -545,8 +553,8 @@ static double apart(const flipping *f, const ring *a, size_t i, const ring *b, s
     return vec3_norm(vec3_sub(f->at[a->point[i % a->count]], f->at[b->point[j % b->count]]));
 }
 
-/* The band between two rings, in the places of what is taken away and new ones: two, or four where both are
- * triangles. One is followed as it runs, the other backwards. */
+/* Fills the band between two outlines with triangles, in the slots of the removed triangles and in new ones:
+ * two, or four if both outlines are triangles. One outline is followed forwards, the other one backwards. */
 static void make_band(flipping *f, const ring *a, const ring *b)
 {
     size_t outer[2][MOST_IN_RING], place[MOST_IN_RING + 3], i = 0, j = 0, first = NONE, last = NONE,
@@ -563,7 +571,7 @@ static void make_band(flipping *f, const ring *a, const ring *b)
             i = n / 3;
             j = n % 3;
         }
-    const size_t end_i = i + a->count, end_j = j; /* j begins a round higher */
+    const size_t end_i = i + a->count, end_j = j; /* start of the next turn around b */
     j += 3;
     for (size_t n = 0; n < taken; n++) {
         const bool along = j == end_j || (i < end_i && apart(f, a, i + 1, b, j) <= apart(f, a, i, b, j - 1));
@@ -590,8 +598,8 @@ static void make_band(flipping *f, const ring *a, const ring *b)
     join_sides(f, first, last);
 }
 
-/* Two points that meet this one and each other alone leave two triangles back to back: they go into
- * another fan of it. */
+/* Two points that meet only the point v and each other form two coincident triangles of opposite
+ * orientation: inserts both points into another fan of v. */
 static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_fan)
 {
     const uint32_t v = start_of(f, of_fan), a = pair->point[0], b = pair->point[1];
@@ -603,7 +611,7 @@ static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_
     return true;
 }
 
-/* Joins two fans of a point; each begins with a side of its own. */
+/* Joins two fans of a point by a band. `one`, `other`: a side of each fan that begins at the point. */
 static void join_fans(flipping *f, size_t one, size_t other)
 {
     ring fan[2], triangle;
@@ -618,7 +626,7 @@ static void join_fans(flipping *f, size_t one, size_t other)
     if (!move_pair(f, &fan[0], &fan[1], other)) move_pair(f, &fan[1], &fan[0], one);
 }
 
-/* Lists a side of each fan but the first of a point. */
+/* Lists one side of each fan of a point, except of its first fan. */
 static size_t list_fans(const flipping *f, size_t names, size_t *first, bool *seen, size_t *found)
 {
     size_t count = 0;
@@ -680,8 +688,9 @@ static bool touches_end(const flipping *f, const ring *r)
     return found;
 }
 
-/* Where two cells meet around a bar, and no third one does, the dual is in two parts: a band between a
- * triangle of each joins them. Only one of several bars between the same parts gets a band. */
+/* Joins the parts of the dual. If two cells meet around a bar and no third cell does, the dual has two
+ * parts: a band between a triangle of each joins them. If there are several bars between the same parts,
+ * only one gets a band. */
 static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
 {
     uint32_t *parent = mem_array(names, sizeof *parent, what, e);
@@ -709,9 +718,9 @@ static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f,
     return ok;
 }
 
-/* ---- the whole ---- */
+/* ---- public functions ---- */
 
-/* The dual of the cells, each side with its twin. */
+/* Makes the dual of the cells, with the twin of each side. */
 static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const uint32_t *name, flipping *f,
                       error *e)
 {

@@ -52,6 +52,6 @@ void bent_settle(double *area, size_t cells, size_t grain, const bent_sums *sums
         begins_before = begins;
         begins = (k + 1) * grain;
     }
-    add_sums(&before, &known); /* the rest is too short to speak for itself */
+    add_sums(&before, &known); /* the last stretch has too few cells for a ratio of its own */
     settle_stretch(area, begins_before, cells, &before, every);
 }

@@ -8,26 +8,26 @@
 
 enum {
     NODES = CELL_PARTS + 1,
-    LAYER = NODES * NODES, /* of nodes */
+    LAYER = NODES * NODES, /* nodes of a layer */
     ALL_NODES = NODES * LAYER,
-    AXES = 8, /* sets of them, by bits: which way an edge goes */
+    AXES = 8, /* number of sets of axes: the direction of an edge, as bits */
     EDGES = ALL_NODES * AXES,
     TRIANGLES = CELL_PARTS * CELL_PARTS * CELL_PARTS * FIELD_CELL_TRIANGLES
 };
 
-/* F at the corners of the parts. */
+/* F and its gradient at the corners of the parts. */
 typedef struct part_nodes {
     vec3 at[ALL_NODES], gradient[ALL_NODES];
     double value[ALL_NODES];
 } part_nodes;
 
-/* From a node one step along some axes, by bits. */
+/* Offset from a node to the node one step along the axes given as bits. */
 static int step_along(int axes)
 {
     return (axes & 1) + (axes >> 1 & 1) * NODES + (axes >> 2) * LAYER;
 }
 
-/* Edges side by side: from the end inside, where F and its slope are the first, to that outside. */
+/* Edges in SIMD lanes: from the end inside the solid, with its F and slope, to the end outside. */
 typedef struct edge_lanes {
     double x[LANES], y[LANES], z[LANES], dx[LANES], dy[LANES], dz[LANES];
     double gx[LANES], gy[LANES], gz[LANES]; /* the gradients at the ends */
@@ -35,18 +35,18 @@ typedef struct edge_lanes {
     double f0[LANES], f1[LANES];
 } edge_lanes;
 
-/* Roots: where the surface cuts edges. The normal of a root that is not smooth is not usable. */
+/* Roots of F on edges. `smooth` 0: the normal of the root is not usable. */
 typedef struct roots {
     int count;
     double x[EDGES + LANES], y[EDGES + LANES], z[EDGES + LANES];
     double nx[EDGES + LANES], ny[EDGES + LANES], nz[EDGES + LANES];
     double smooth[EDGES + LANES]; /* 1 or 0 */
     uint16_t
-        of[EDGES]; /* root + 1 of the edge that goes up from a node, by the axes that it goes along; 0: none
-                    * yet */
+        of[EDGES]; /* per node and direction: the index of the root plus 1 on the edge from the node; 0: not
+                    * computed yet */
 } roots;
 
-/* The triangles of the parts, part after part, by their roots. */
+/* The triangles of all parts, each by its three roots. */
 typedef struct part_triangles {
     int count;
     uint16_t corner[TRIANGLES][3], part[TRIANGLES];
@@ -62,15 +62,16 @@ static vec3 part_node(const field_cell *cell, int parts, int n)
         vec3_axpy(y, vec3_sub(cell->corner[2], from), vec3_axpy(x, vec3_sub(cell->corner[1], from), from)));
 }
 
-/* The n-th node to ask for F, along the last axis first: fields may share what nodes of one place along the
- * first have in common. */
+/* The n-th node to sample. The last axis comes first, because fields may share computations between nodes
+ * with the same first coordinate. */
 static int node_in_turn(int parts, int n)
 {
     const int nodes = parts + 1;
     return n % nodes * LAYER + n / nodes % nodes * NODES + n / (nodes * nodes);
 }
 
-/* False where F is not defined. Single precision is enough for an area. */
+/* Samples F at all nodes, in single precision, which is sufficient for areas. False: F is not defined at a
+ * node. */
 static bool sample_parts(const field *f, const field_cell *cell, int parts, part_nodes *out)
 {
     const int all = (parts + 1) * (parts + 1) * (parts + 1);
@@ -95,8 +96,9 @@ static bool sample_parts(const field *f, const field_cell *cell, int parts, part
     return true;
 }
 
-/* A root by what is known at the ends: a cubic through their values and slopes, as splines are along the
- * axes; elsewhere its error is of fourth order. The gradient between is taken for linear. */
+/* Computes roots from the values and slopes at both ends of the edges: the root of the cubic that has them.
+ * For splines this is exact along the axes; elsewhere the error is of fourth order. The normal is
+ * interpolated linearly. */
 ISA_CLONES static void find_roots(const edge_lanes *e, double last_step, int first, roots *out)
 {
     double low[LANES], high[LANES], at_low[LANES], at_high[LANES], newton[LANES], kept[LANES], done[LANES],
@@ -176,8 +178,8 @@ static void put_edge(const part_nodes *n, int inside, int outside, int l, edge_l
     out->f1[l] = n->value[outside];
 }
 
-/* Where F is not smooth, values and gradients at the ends of an edge do not determine the root: F is
- * evaluated. */
+/* Computes a root by evaluating F: where F is not smooth, values and slopes at the ends do not determine
+ * it. */
 static void find_sharp_root(const field *f, const part_nodes *n, int inside, int outside, int k, roots *out)
 {
     corner c = {.smooth = false, .normal = {0, 0, 0}};
@@ -196,8 +198,7 @@ static void find_sharp_root(const field *f, const part_nodes *n, int inside, int
     out->smooth[k] = c.smooth;
 }
 
-/* The root on an edge, computed at its first use; together with others, so that it is known at the end of
- * cut_parts. */
+/* The index of the root on an edge. Roots are computed in batches; all are available after cut_parts. */
 static uint16_t root_on(const field *f, const part_nodes *n, int inside, int outside, int axes,
                         edge_lanes *batch, roots *out)
 {
@@ -214,7 +215,7 @@ static uint16_t root_on(const field *f, const part_nodes *n, int inside, int out
     return (uint16_t)k;
 }
 
-/* The triangles of a part, and the roots that are their corners. `first`: the part's first node. */
+/* Adds the triangles of a part, by their roots. `first`: the part's first node. */
 static void cut_part(const field *f, const part_nodes *n, int first, edge_lanes *batch, roots *r,
                      part_triangles *out)
 {
@@ -241,19 +242,19 @@ static void cut_parts(const field *f, const part_nodes *n, int parts, roots *r, 
     for (int z = 0; z < parts; z++)
         for (int y = 0; y < parts; y++)
             for (int x = 0; x < parts; x++) cut_part(f, n, x + y * NODES + z * LAYER, &batch, r, out);
-    if (!f->sharp && r->count % LANES > 0) /* and some of those before once more */
+    if (!f->sharp && r->count % LANES > 0) /* the last, incomplete batch; unused lanes repeat earlier edges */
         find_roots(&batch, CELL_LAST_STEP * f->cell_size, r->count / LANES * LANES, r);
 }
 
-/* Triangles side by side. */
+/* Triangles in SIMD lanes. */
 typedef struct triangle_lanes {
     double x[3][LANES], y[3][LANES], z[3][LANES];
     double nx[3][LANES], ny[3][LANES], nz[3][LANES];
     double smooth[LANES];
 } triangle_lanes;
 
-/* As curved_area of surface.c without more triangles; and the excess that it would look at, 0 where it
- * would not. */
+/* Computes the areas as curved_area of surface.c does without subdivision, and the excess that it would test
+ * (0 where it would not). */
 ISA_CLONES static void measure_triangles(const triangle_lanes *t, double out[LANES],
                                          double more_than_flat[LANES])
 {

@@ -13,11 +13,11 @@
 typedef struct triangulation {
     int count;
     corner at[FIELD_CELL_TRIANGLES][3];
-    /* of the part of each triangle in the domain; points are drawn in proportion to it */
+    /* area of the part of each triangle inside the domain; points are drawn in proportion to it */
     double area[FIELD_CELL_TRIANGLES];
 } triangulation;
 
-enum { CELL_PARTS = 4 }; /* along each axis */
+enum { CELL_PARTS = 4 }; /* number of parts along each axis */
 
 /* Maximum relative correction of the area of a triangle. */
 #define CELL_EXCESS_LIMIT 0.2
@@ -26,8 +26,9 @@ enum { CELL_PARTS = 4 }; /* along each axis */
  * the excess over the area of the flat triangle, relative to the latter; 0 if the normals are unusable. */
 void cell_measure_triangles(const triangulation *t, double area[], double excess[]);
 
-/* Returns the area of the surface above the triangles of all parts; 0 if F is undefined. `lacking`: NULL, or
- * receives the first FIELD_CELL_TRIANGLES of these triangles, for a cell without triangles of its own. */
+/* Returns the area of the surface above the triangles of all parts; 0 if F is undefined. `lacking`: NULL,
+ * or for a cell without triangles of its own: receives the first FIELD_CELL_TRIANGLES of the parts'
+ * triangles. */
 double cell_parts_area(const field *f, const field_cell *cell, triangulation *lacking);
 
 /* cell_parts_area with half as many parts along each axis: a quarter of the computation, for a slightly

@@ -8,7 +8,7 @@
 #include "surface/field/kuhn.h"
 
 enum { GROUP_EDGES = ROOT_GROUP_CELLS * CELL_EDGES, SLOT_BITS = 10, SLOTS = 1 << SLOT_BITS };
-enum { WORDS = 8 }; /* of an edge's ends: two places and two values */
+enum { WORDS = 8 }; /* words that identify an edge: the positions and values of its ends */
 
 int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES])
 {
@@ -17,14 +17,14 @@ int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES])
         for (uint8_t b = a + 1; b < 8; b++) {
             const bool is_inside = cell->value[a] < 0;
             if ((a & b) != a || is_inside == (cell->value[b] < 0))
-                continue; /* paths step up along the axes */
+                continue; /* edges of Kuhn's tetrahedra ascend along one or several axes */
             out[count++] = is_inside ? (crossed_edge){a, b} : (crossed_edge){b, a};
         }
     return count;
 }
 
-/* The edges of a tetrahedron that the surface crosses, in order around the section: from each corner inside
- * to the corners outside, forth and back. */
+/* Lists the edges of a tetrahedron that the surface crosses, in order around the section: from each corner
+ * inside to the corners outside, in alternating direction. */
 static int ring_of(unsigned inside, const int at[4], crossed_edge ring[4])
 {
     int count = 0;
@@ -53,11 +53,11 @@ int cell_cut(unsigned inside, crossed_edge out[FIELD_CELL_TRIANGLES][3])
     return count;
 }
 
-/* The way to a root between two ends: shares of the edge, from the one inside. */
+/* The state of a root search. low, high, t: positions along the edge, 0 at the end inside the solid. */
 typedef struct root_search {
     vec3 from, edge;
     double low, high, at_low, at_high, newton, t;
-    int kept; /* which end the last step left alone: -1 low, 1 high */
+    int kept; /* end that the last step did not move: -1 low, 1 high */
     int steps;
     corner *out;
 } root_search;
@@ -74,7 +74,7 @@ static root_search begin_search(vec3 inside, vec3 outside, double at_inside, dou
                          .out = out};
 }
 
-/* Where to look next. */
+/* Chooses the next position to evaluate. */
 static void choose_place(root_search *s)
 {
     s->t = s->low + (s->high - s->low) * s->at_low / (s->at_low - s->at_high);
@@ -82,7 +82,7 @@ static void choose_place(root_search *s)
     s->out->position = vec3_axpy(s->t, s->edge, s->from);
 }
 
-/* Takes what F is there; true when that was the last step. */
+/* Uses F at the position. Returns whether the search has ended. */
 static bool take_sample(root_search *s, double value, vec3 gradient, double last_step)
 {
     const double length = vec3_norm(gradient);
@@ -121,15 +121,16 @@ void cell_find_root(const field *f, const field_cell *cell, int inside, int outs
 struct root_group {
     size_t count;
     struct {
-        uint64_t ends[WORDS]; /* the bits of both places and of F there */
+        uint64_t ends[WORDS]; /* bits of the positions of both ends and of F there */
         corner root;
     } edge[GROUP_EDGES];
-    uint16_t slot[SLOTS]; /* open addressing: the edge's number + 1, or 0 */
+    uint16_t slot[SLOTS]; /* hash table with open addressing: index of the edge + 1, or 0 */
 };
 
 root_group *root_group_new(void)
 {
-    root_group *g = mem_resize(NULL, sizeof *g); /* zeroed would be all of it touched */
+    /* not zeroed: that would touch all of its memory */
+    root_group *g = mem_resize(NULL, sizeof *g);
     memset(g->slot, 0, sizeof g->slot);
     g->count = 0;
     return g;
@@ -146,8 +147,8 @@ void root_group_clear(root_group *g)
     g->count = 0;
 }
 
-/* The bits of one number, by a load of its own: a pair of numbers that were just written one by one is
- * read with a wait. */
+/* The bits of one number, read by a separate load. A vector load of two numbers that were stored separately
+ * just before would stall. */
 static inline uint64_t bits_of(const double *number)
 {
     uint64_t bits;
@@ -193,7 +194,8 @@ static root_search search_edge(root_group *g, size_t k)
     return begin_search((vec3){e[0], e[1], e[2]}, (vec3){e[3], e[4], e[5]}, e[6], e[7], &g->edge[k].root);
 }
 
-/* A lane that is done takes the next edge; what others hold does not show in a root. */
+/* Computes all roots in SIMD lanes. A lane whose root is found continues with the next edge. The results do
+ * not depend on the other lanes. */
 void root_group_find(root_group *g, const field *f)
 {
     root_search lane[VEC3_LANES];

@@ -37,7 +37,8 @@ int cell_cut(unsigned inside, crossed_edge out[FIELD_CELL_TRIANGLES][3]);
 /* Lists the edges with F of different sign at their ends; returns their number. */
 int cell_crossed_edges(const field_cell *cell, crossed_edge out[CELL_EDGES]);
 
-/* `is_straight`: F is assumed to be linear along the edge, and is not evaluated. */
+/* Finds the root on one edge of a cell. `is_straight`: F is assumed to be linear along the edge, and is not
+ * evaluated. */
 void cell_find_root(const field *f, const field_cell *cell, int inside, int outside, bool is_straight,
                     corner *out);
 

@@ -13,11 +13,10 @@
 #include "geometry/space/block_map.h"
 #include "geometry/space/cell_list.h"
 
-static const char what[] = "the surface's parts"; /* that memory is for */
+static const char what[] = "the surface's parts"; /* for messages about memory */
 
-/* Cells of one size share a face where their places in their lattice differ by one. Those of two sizes, 1 and
- * 2, have their middles up to sqrt(1.5^2 + 0.5^2 + 0.5^2) apart then, which is TOUCHING_UNEVEN times the
- * mean. */
+/* Maximum distance of the centres of two cells with a common face, in mean edge lengths, if their sizes
+ * differ: for edges of 1 and 2 it is sqrt(1.5^2 + 0.5^2 + 0.5^2). */
 static const double TOUCHING_UNEVEN = 1.106;
 
 /* A position in a lattice is valid if its coordinates, in cells, differ from integers by at most CLEAR and do
@@ -25,19 +24,21 @@ static const double TOUCHING_UNEVEN = 1.106;
 static const double CLEAR = 0.25, LARGEST = 0x1p30;
 
 enum { CHUNK = 1024 };
-/* Blocks of places: small ones, since cells of droplets have most of theirs to themselves. */
+/* The lattice is stored in blocks of SIDE^3 positions. They are small, because most positions of a block
+ * around a small droplet are empty. */
 enum { SHIFT = 2, SIDE = 1 << SHIFT, BLOCK = SIDE * SIDE * SIDE };
 
-/* Cells of one size, by their places in the lattice of such cells. */
+/* Cells of one size, by their positions in a lattice. */
 typedef struct lattice {
     const field *field;
-    vec3 first;            /* the middle of the first cell, which is in place (0, 0, 0) */
-    double to_cells[3][4]; /* from differences of places to numbers of cells along their edges */
+    vec3 first;            /* centre of the first cell, whose position is (0, 0, 0) */
+    double to_cells[3][4]; /* converts offsets in world space to cells */
     atomic_bool lost;      /* a position is not valid: coordinates are too large */
-    int32_t (*at)[3];      /* of each cell */
-    uint8_t *passed; /* which of its faces the surface passes: bit 2 axis + 1 for that at the greater end */
-    block_map map;   /* of the places that have cells */
-    uint32_t (*cell)[BLOCK]; /* of each block, by place: the cell there + 1, or 0 */
+    int32_t (*at)[3];      /* per cell: its position */
+    uint8_t *passed; /* per cell: the faces that the surface crosses; bit 2 axis + 1 is the face at the upper
+                      * end */
+    block_map map;   /* blocks that contain cells */
+    uint32_t (*cell)[BLOCK]; /* per block and position: index of the cell + 1, or 0 */
     uint32_t *parent;
 } lattice;
 
@@ -73,7 +74,7 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Where the cell in a place is noted; NULL: no cell is near. */
+/* The entry for a position in the lattice. NULL: its block has no cells. */
 static uint32_t *find_place(const lattice *l, const int32_t at[3], block_map_seen *seen)
 {
     const int mask = SIDE - 1;
@@ -97,8 +98,8 @@ static bool note_places(lattice *l, size_t cells, error *e)
     return l->cell != NULL;
 }
 
-/* A cell and those beyond its faces that the surface passes. Where the surface passes between corners, only
- * one of two cells may have the crossing of their common face. */
+/* Joins each cell with its neighbours beyond the faces that the surface crosses. Both cells of a face are
+ * tested, because a crossing inside a face may be recorded in only one of them. */
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const lattice *l = context;
@@ -114,7 +115,7 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* *all_placed: whether the positions of all cells in the lattice are valid. */
+/* Joins cells of equal size. all_placed: whether the positions of all cells in the lattice are valid. */
 static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *pool, bool *all_placed,
                       error *e)
 {
@@ -138,8 +139,8 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     return ok;
 }
 
-/* Cells that differ in size, or whose positions are not valid: cells near each other are joined, whichever
- * faces the surface passes. */
+/* Cells of different sizes, or with positions that are not valid. Cells near each other are joined, whether
+ * or not the surface crosses their common face. */
 typedef struct cell_set {
     const field *field;
     vec3 *middle;
@@ -158,14 +159,14 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* A cell that is joined with the cells near it. */
+/* The cell for which neighbours are searched. */
 typedef struct cell_joins {
     const cell_set *all;
     uint32_t *parent;
     uint32_t cell;
 } cell_joins;
 
-/* Each pair is found from its larger cell. */
+/* Joins a pair of cells; each pair is found from the larger one. */
 static void join_near(void *context, uint32_t other)
 {
     const cell_joins *j = context;
@@ -214,7 +215,7 @@ static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads 
     return ok;
 }
 
-/* Sorts the cells by part: `part` of each, of out->count parts. */
+/* Sorts the cells by part. `part`: the part of each cell, less than out->count. */
 static bool sort_cells(const uint32_t *part, size_t cells, components *out, error *e)
 {
     out->order = mem_array(cells, sizeof *out->order, what, e);
@@ -223,12 +224,13 @@ static bool sort_cells(const uint32_t *part, size_t cells, components *out, erro
     for (uint32_t k = 0; k < cells; k++) out->begin[part[k] + 1]++;
     for (size_t c = 0; c < out->count; c++) out->begin[c + 1] += out->begin[c];
     for (uint32_t k = 0; k < cells; k++) out->order[out->begin[part[k]]++] = k;
-    for (size_t c = out->count; c > 0; c--) out->begin[c] = out->begin[c - 1]; /* each had moved to its end */
+    /* begin[c] has advanced to the end of part c */
+    for (size_t c = out->count; c > 0; c--) out->begin[c] = out->begin[c - 1];
     out->begin[0] = 0;
     return true;
 }
 
-/* Numbers the parts by their first cells. */
+/* Numbers the parts in the order of their first cells. */
 static bool number_cells(uint32_t *parent, size_t cells, components *out, error *e)
 {
     uint32_t *part = mem_array(cells, sizeof *part, what, e), parts = 0;

@@ -13,54 +13,59 @@
 
 /* Cells in a chunk of work: whole groups. */
 static const size_t GRAIN = THREADS_GRAIN;
-/* Chunks after which a field may free its caches: coefficient blocks of AT_ONCE chunks take some
+/* Chunks after which a field may free its caches: the coefficient blocks of AT_ONCE chunks take a few
  * megabytes. */
 static const size_t AT_ONCE = 128;
 
-/* Corners are projected to this fraction of the cell: its square is far below the area's error. */
+/* Tolerance for the projection of corners, in cell sizes: the square of it is far below the error of the
+ * area. */
 static const double CORNER_TOLERANCE = 1e-4;
-/* What the second order leaves is about the square of the excess: triangles above this are cut in four. */
+/* The relative error of the second-order correction is about the square of the excess. Triangles with a
+ * larger excess are divided into four. */
 static const double EXCESS_FINE = 5e-3;
-/* For bumps of the size of a cell; a sliver at the last depth is corrected no more than this. */
+/* Maximum depth of this division. It is sufficient for bumps of the size of a cell; at this depth the
+ * correction of a sliver is limited, too. */
 static const int EXCESS_DEPTH = 2;
-/* A middle that lies farther off its side than this share of the side belongs to an opposite wall, or the
- * surface is too rough there: the side stays straight. An arc of a right angle rises by 0.21. */
+/* If the projected midpoint of a side is farther from the side than this fraction of its length, it belongs
+ * to the opposite wall, or the surface is too rough: the side then stays straight. An arc of a right angle
+ * rises by 0.21. */
 static const double RISE_LIMIT = 0.25;
-/* In cells. */
+/* Tolerance for roots, in cell sizes. */
 static const double ROOT_TOLERANCE = 1e-6;
-/* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
- * as the cell cut corners: it is measured by parts (cell_parts.h). With 0.8 the area of smoke is 3e-3 too
- * small, with 0.9 2e-3, and with every cell in parts the area of fogs is right to 2e-4. */
+/* If the cosine between two normals in a cell is smaller, the surface bends within the cell, and triangles
+ * of the size of the cell are not accurate: the cell is measured by parts (cell_parts.h). With 0.8 the area
+ * of smoke is 3e-3 too small, with 0.9 2e-3. With all cells in parts the area of fogs is accurate to 2e-4. */
 static const double BENT_FACING = 0.9;
-/* So is a cell whose size is more than this share of the radius, which is estimated from the normals of its
- * triangles: the surface passes tetrahedra between whose corners no sign changes. Balls of 2.4 voxels are
- * right to 5e-4 then, and 2e-2 too small without. Corners nearer to each other than TOO_NEAR, in cells,
- * are not used. */
+/* A cell is also measured by parts if its size exceeds this fraction of the radius of curvature, which is
+ * estimated from the normals of its triangles: the surface crosses tetrahedra whose corners have one sign.
+ * The area of balls with a radius of 2.4 voxels is then accurate to 5e-4; without this, it is 2e-2 too
+ * small. Corners closer to each other than TOO_NEAR, in cell sizes, are not used. */
 static const double BENT_SIZE = 0.3, TOO_NEAR = 0.1;
-/* If MANY_BENT cells of AT_ONCE chunks, half of them, are bent, they are sampled (bent_areas.h). So are those
- * of the last, incomplete group of chunks. */
+/* If at least MANY_BENT cells of AT_ONCE chunks (half of the cells) are bent, the bent cells are sampled
+ * (bent_areas.h). The same applies to the last, incomplete group of chunks. */
 enum { MANY_BENT = 16384 };
-/* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
- * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the
- * square. */
+/* A triangle that a face of the domain may cut is divided until its sides are at most this fraction of a
+ * cell and of the shortest side of the domain, or to the maximum depth. The area between a boundary and its
+ * chords decreases with the square of the length. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
 static const int CLIP_DEPTH = 8;
-/* How far the surface above a triangle may lie beyond its corners, of its longest side. */
+/* Maximum distance by which the surface above a triangle extends beyond its corners, as a fraction of its
+ * longest side. */
 static const double CLIP_BULGE = 0.1;
-/* Newton steps that put a corner of a clipped triangle onto the surface: it is nearly there. */
+/* Maximum Newton steps for a corner of a clipped triangle, which is close to the surface. */
 static const int SLIDE_STEPS = 4;
-/* A triangle and six planes. */
+/* maximum corners of a triangle that is clipped at six planes */
 #define CLIP_CORNERS 9
-/* An area that is none, of the cell's. */
+/* Areas below this fraction of a cell's face count as 0. */
 static const double TINY = 1e-9;
-/* Triangles with less than this of the area that a cell's parts have are not drawn from. */
+/* Triangles with less than this fraction of the area of a cell are not used to draw points. */
 static const double LITTLE = 0.1;
-/* Steps of surface_bisect: to a millionth of the way. */
+/* Steps of surface_bisect, to a millionth of the distance. */
 enum { BISECT_STEPS = 20 };
-/* Draws for a point of a triangle that lies in the domain, before any point of it does. */
+/* Maximum draws for a point of a triangle inside the domain; after that a point outside is accepted. */
 static const int INSIDE_DRAWS = 200;
 
-/* A point near the surface, onto it, if that is within `reach`. */
+/* Sets a corner to the projection of x onto the surface if this is within `reach`, otherwise to x. */
 static void place_corner(const field *f, vec3 x, double reach, corner *c)
 {
     const projection_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
@@ -73,10 +78,10 @@ static void place_corner(const field *f, vec3 x, double reach, corner *c)
     }
 }
 
-/* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge
- * over radius of curvature. An edge of length l whose normals turn by a along it is l (1 + a^2 / 24) long on
- * the surface, which changes the area by cot(opposite angle) / 4 per change of squared length; and a triangle
- * with these sides has K (sum of squared sides) / 24 more area where the Gaussian curvature is K. */
+/* The relative excess of a geodesic triangle over the flat triangle, to second order in edge length over
+ * radius of curvature. An edge of length l along which the normal turns by the angle a has the length l (1 +
+ * a^2 / 24) on the surface. The area changes by cot(opposite angle) / 4 per change of the squared length.
+ * Gaussian curvature K adds the fraction K (sum of squared sides) / 24. */
 static double curvature_excess(const corner *t, vec3 twice_area)
 {
     double area = 0.5 * vec3_norm(twice_area), sum = 0, squares = 0;
@@ -94,7 +99,7 @@ static double curvature_excess(const corner *t, vec3 twice_area)
     return sum / area + gauss * squares / 24;
 }
 
-/* Area of the surface above a triangle; where it curves much, by four triangles. */
+/* Area of the surface above a triangle. If the curvature is large, the triangle is divided into four. */
 static double curved_area(const field *f, const corner *t, int depth)
 {
     vec3 twice_area =
@@ -104,7 +109,7 @@ static double curved_area(const field *f, const corner *t, int depth)
     double excess = curvature_excess(t, twice_area);
     if (fabs(excess) < EXCESS_FINE) return area * (1 + excess);
     if (depth == EXCESS_DEPTH) return area * (1 + fmin(fmax(excess, -CELL_EXCESS_LIMIT), CELL_EXCESS_LIMIT));
-    corner middle[3]; /* opposite of corner k */
+    corner middle[3]; /* middle[k]: of the side opposite to corner k */
     for (int k = 0; k < 3; k++) {
         vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
         place_corner(f, vec3_scale(vec3_add(p, q), 0.5), RISE_LIMIT * vec3_norm(vec3_sub(q, p)), &middle[k]);
@@ -115,11 +120,11 @@ static double curved_area(const field *f, const corner *t, int depth)
     return sum;
 }
 
-/* ---- open surfaces: what lies in the domain of the triangles at its faces */
+/* ---- open surfaces: clips triangles at the faces of the domain */
 
 typedef struct clip_corner {
     corner corner;
-    unsigned faces; /* bit 2 k + high: lies in that face of the domain */
+    unsigned faces; /* bit 2 axis + high: the corner lies in this face of the domain */
 } clip_corner;
 
 bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal)
@@ -144,7 +149,7 @@ bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *
     return false;
 }
 
-/* Between two corners on either side of a face, in it. */
+/* The point of the segment between two corners that lies in a face. */
 static clip_corner cut_side(const field *f, const clip_corner *p, const clip_corner *q, int face)
 {
     int axis = face >> 1;
@@ -162,7 +167,8 @@ static clip_corner cut_side(const field *f, const clip_corner *p, const clip_cor
     return c;
 }
 
-/* Sutherland and Hodgman 1974, "Reentrant Polygon Clipping", one face. Returns the number of corners left. */
+/* Clips a polygon at one face (Sutherland and Hodgman 1974, "Reentrant Polygon Clipping"). Returns the
+ * number of corners left. */
 static int clip_at_face(const field *f, int face, const clip_corner *in, int count, clip_corner *out)
 {
     int axis = face >> 1, left = 0;
@@ -177,7 +183,7 @@ static int clip_at_face(const field *f, int face, const clip_corner *in, int cou
     return left;
 }
 
-/* Area above a triangle so small that the faces cut it along straight lines. */
+/* Area above a triangle that is small enough to clip along straight lines. */
 static double clip_small(const field *f, const corner *t, bbox *box)
 {
     clip_corner polygon[2][CLIP_CORNERS + 1];
@@ -210,7 +216,7 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
     vec3 size = bbox_size(f->domain);
     double fine = fmin(CLIP_CELL * f->cell_size, CLIP_SIDE * fmin(size.x, fmin(size.y, size.z)));
     if (longest <= fine || depth == CLIP_DEPTH) return clip_small(f, t, box);
-    corner middle[3]; /* opposite of corner k */
+    corner middle[3]; /* middle[k]: of the side opposite to corner k */
     for (int k = 0; k < 3; k++) {
         vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
         middle[k] = (corner){.position = vec3_scale(vec3_add(p, q), 0.5)};
@@ -223,7 +229,7 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
     return sum;
 }
 
-/* Whether the domain ends nowhere in the cell. */
+/* Whether no face of the domain cuts the cell. */
 static bool is_whole(const field *f, const field_cell *cell)
 {
     for (int k = 0; f->open && k < FIELD_CELL_CORNERS; k++)
@@ -231,10 +237,10 @@ static bool is_whole(const field *f, const field_cell *cell)
     return true;
 }
 
-/* The roots of a cell by the corners inside and outside. */
+/* The roots of a cell: [corner inside][corner outside]. */
 typedef const corner *root_table[8][8];
 
-/* The triangles alone, between roots. */
+/* Makes the triangles of a cell from its roots, without areas. */
 static void join_roots(const field_cell *cell, root_table root, triangulation *out)
 {
     unsigned inside = 0;
@@ -245,7 +251,7 @@ static void join_roots(const field_cell *cell, root_table root, triangulation *o
         for (int c = 0; c < 3; c++) out->at[i][c] = *root[at[i][c].inside][at[i][c].outside];
 }
 
-/* The triangles of a cell by itself; see cell_find_root. */
+/* Computes roots and triangles of a single cell; see cell_find_root. */
 static void cut_cell(const field *f, const field_cell *cell, bool is_straight, triangulation *out)
 {
     crossed_edge edge[CELL_EDGES];
@@ -259,7 +265,7 @@ static void cut_cell(const field *f, const field_cell *cell, bool is_straight, t
     join_roots(cell, root, out);
 }
 
-/* The field's number of a cell. */
+/* The index in the field of the k-th cell of the surface. */
 static size_t number_of(const surface *s, size_t k)
 {
     return s->parts.order ? s->parts.order[k] : k;
@@ -296,7 +302,8 @@ uint32_t surface_cell_patch(const surface *s, size_t k, vec3 x)
     return s->field->patches ? s->field->ops->patch_at(s->field, number_of(s, k), x) : 0;
 }
 
-/* The triangles of a cell that consists of such, as they are; false where it does not. */
+/* Takes the triangles of a field whose cells consist of triangles (cell_triangles). False: its cells do
+ * not. */
 static bool take_triangles(const surface *s, size_t k, triangulation *out)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];
@@ -309,7 +316,7 @@ static bool take_triangles(const surface *s, size_t k, triangulation *out)
     return true;
 }
 
-/* Their area; widens the box. */
+/* Returns the area of the triangles, and extends the box by them. */
 static double sum_triangles(const triangulation *t, bbox *box)
 {
     double area = 0;
@@ -322,7 +329,7 @@ static double sum_triangles(const triangulation *t, bbox *box)
 
 static bool is_bent(const triangulation *t, double cell_size)
 {
-    if (t->count == 0) return true; /* an edge passes between the corners */
+    if (t->count == 0) return true; /* only an edge crosses the cell, between its corners */
     for (int i = 0; i < t->count; i++)
         for (int k = 0; k < 3; k++) {
             const corner *a = &t->at[0][0], *b = &t->at[i][k];
@@ -334,9 +341,10 @@ static bool is_bent(const triangulation *t, double cell_size)
     return false;
 }
 
-/* Measures a cell by its parts; of a cell without triangles `t` takes over some of theirs. What triangles cut
- * off at a sharp edge goes with their size, in the mean of all cells along it: what the parts leave is a
- * third of what they gain. 0 where that comes to nothing. */
+/* Measures a cell by its parts. A cell without triangles gets some of the parts' triangles in `t`. At a
+ * sharp edge, the area that triangles cut off is proportional to their size in the mean of all cells along
+ * it. The parts therefore lack a third of what they gain over the whole cell, which is added. 0: the parts
+ * have no area. */
 static double measure_parts(const field *f, const field_cell *cell, triangulation *t)
 {
     double rough = 0;
@@ -355,7 +363,7 @@ static double triangles_area(const field *f, const triangulation *t)
     return area;
 }
 
-/* As they are; more than 0. */
+/* The area of the triangles without subdivision, limited to be positive. */
 static double rough_area(const triangulation *t, double cell_size)
 {
     double piece[FIELD_CELL_TRIANGLES], excess[FIELD_CELL_TRIANGLES], area = TINY * cell_size * cell_size;
@@ -364,7 +372,7 @@ static double rough_area(const triangulation *t, double cell_size)
     return area;
 }
 
-/* A cell whose area is that of its triangles, and its roots. */
+/* A cell whose area is computed from its triangles, with its roots. */
 typedef struct cell_at_hand {
     size_t number;
     field_cell cell;
@@ -376,12 +384,12 @@ typedef struct cell_group {
     size_t smooth_count;
     cell_at_hand cells[ROOT_GROUP_CELLS];
     root_group *roots;
-    field_cell smooth[ROOT_GROUP_CELLS]; /* in which F bends little */
-    size_t number[ROOT_GROUP_CELLS];     /* of each of these */
+    field_cell smooth[ROOT_GROUP_CELLS]; /* cells in which F is nearly linear */
+    size_t number[ROOT_GROUP_CELLS];     /* index of each of these cells */
 } cell_group;
 
-/* The area of the surface in the domain, which also widens the box. A cell that is measured by parts later
- * gets a rough area, with the sign reversed. */
+/* Returns the area of the surface of a cell in the domain, and extends the box. For a cell that will be
+ * measured by parts: minus an estimate of the area. */
 static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
 {
     const field_cell *cell = &own->cell;
@@ -401,15 +409,16 @@ static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
     return area > 0 ? area : triangles_area(f, &t);
 }
 
-/* Whether a cell's area is that of flat_cell.h. Where the domain cuts the surface cells that it cuts want
- * roots, beside which gentle ones are not right: of a cap of a ball of 14 voxels 3e-3 would be missing. */
+/* Whether the area of a cell is computed by flat_cell.h. On an open surface only flat cells are: cells at
+ * the boundary use roots, and gentle cells beside them would be inaccurate (the area of a cap of a ball of
+ * 14 voxels would be 3e-3 too small). */
 static bool is_smooth(const field *f, const field_cell *cell)
 {
     const bool bends_little = cell->bend == FIELD_FLAT || (cell->bend == FIELD_GENTLE && !f->open);
     return bends_little && !cell->hidden_crossing && is_whole(f, cell);
 }
 
-/* Notes the area of a cell that is known without roots and by itself; any other joins the group. */
+/* Stores the area of cell k if it is available without roots. Otherwise adds the cell to the group. */
 static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
 {
     const field *f = s->field;
@@ -433,7 +442,7 @@ static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
     group->count++;
 }
 
-/* The areas of cells in which F bends little. */
+/* Computes the areas of cells in which F is nearly linear. */
 static void measure_smooth(const surface *s, const cell_group *group, bbox *box)
 {
     const field *f = s->field;
@@ -450,7 +459,7 @@ static void measure_smooth(const surface *s, const cell_group *group, bbox *box)
     }
 }
 
-/* The areas of cells that follow each other, ROOT_GROUP_CELLS at most. */
+/* Computes the areas of at most ROOT_GROUP_CELLS consecutive cells. */
 static void measure_group(const surface *s, size_t first, size_t last, cell_group *group, bbox *box)
 {
     group->count = group->smooth_count = 0;
@@ -462,8 +471,8 @@ static void measure_group(const surface *s, size_t first, size_t last, cell_grou
         s->area_before[group->cells[i].number + 1] = measure_cell(s->field, &group->cells[i], box);
 }
 
-/* Whether a cell's triangles hold little of its area: where a corner is all but on the surface they may be as
- * good as one point, and all that is drawn from them lies there. */
+/* Whether the triangles have only a small fraction of the cell's area. If corners are almost on the surface,
+ * triangles may be as small as a point, and all points drawn from them would coincide. */
 static bool are_specks(const triangulation *t, double area)
 {
     double flat = 0;
@@ -473,8 +482,8 @@ static bool are_specks(const triangulation *t, double area)
     return flat < LITTLE * area;
 }
 
-/* The triangles to draw points from, which are then put onto the surface. How the area of a cell is shared
- * out among them matters little: what is there is no larger than the cell. */
+/* Computes the triangles from which points are drawn; the caller projects these points. The distribution of
+ * the area within a cell is not critical, since it is not larger than the cell. */
 static void draw_triangles(const surface *s, size_t index, triangulation *out)
 {
     const field *f = s->field;
@@ -494,10 +503,10 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
 
 typedef struct scan_job {
     surface *s;
-    bbox *box;          /* of each worker: in one that grew before most cells lie */
-    bent_sums *bent;    /* of each chunk */
-    size_t first;       /* chunk of the part at hand */
-    bent_samples every; /* there */
+    bbox *box;          /* per worker; a box that already has most cells changes rarely */
+    bent_sums *bent;    /* per chunk */
+    size_t first;       /* index of the first chunk of the current group */
+    bent_samples every; /* sampling of bent cells in this group */
 } scan_job;
 
 static void scan_chunk(void *context, int worker, size_t begin, size_t end)
@@ -515,8 +524,8 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     job->box[worker] = box;
 }
 
-/* The bent cell k by its parts; or less than 0, by half of them or roughly, until it is known how much
- * these fall short. */
+/* The area of bent cell k by its parts. Otherwise minus an estimate, by half of the parts or by the cell's
+ * triangles, which bent_settle scales. */
 static double measure_bent(const scan_job *job, size_t k, bent_sums *sums)
 {
     const field *f = job->s->field;
@@ -561,7 +570,7 @@ static size_t count_bent(const scan_job *job, size_t chunks)
     return count;
 }
 
-/* A part of the chunks at a time: what the field keeps of their places stays where it is quick to reach.
+/* Scans the chunks in groups, so that the caches of the field stay small enough for the processor's cache.
  * Returns how bent cells were sampled. */
 static bent_samples scan_cells(const scan_job *job, size_t chunks, threads *pool)
 {
@@ -645,7 +654,7 @@ static vec3 point_of_triangle(const vec3 c[3], rng *r)
                     vec3_add(vec3_scale(c[1], u * (1 - v)), vec3_scale(c[2], u * v)));
 }
 
-/* The last cell that begins at or before `where`. */
+/* The last cell whose cumulative value is at most `where`. */
 static size_t find_cell(const surface *s, const double *before, double where)
 {
     size_t low = 0, high = s->cells - 1;

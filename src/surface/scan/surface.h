@@ -26,7 +26,7 @@ typedef struct surface {
     double *area_before;
 } surface;
 
-/* The k-th of the surface's cells. */
+/* The k-th of the surface's cells. k is an index in the order of `parts`. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
 /* Returns the centre of the k-th cell. *radius: an upper bound of the distance of its corners from the
@@ -63,7 +63,7 @@ typedef struct surface_last_cell {
     size_t cell;
     int count;
     vec3 at[FIELD_CELL_TRIANGLES][3];
-    double area[FIELD_CELL_TRIANGLES]; /* of the part of each triangle in the domain */
+    double area[FIELD_CELL_TRIANGLES]; /* area of the part of each triangle inside the domain */
 } surface_last_cell;
 
 /* Returns a point of the triangles of the cell k with before[k] <= where < before[k + 1], uniformly

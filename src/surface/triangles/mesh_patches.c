@@ -213,7 +213,7 @@ typedef struct bent_edge {
 typedef struct feature_groups {
     bent_edge *edge;
     size_t count;
-    uint32_t (*at)[2], *degree; /* of each vertex: the first two edges there, and how many there are */
+    uint32_t (*at)[2], *degree; /* per vertex: the first two sharp edges there, and their number */
     uint32_t *network, *chain;  /* sets */
     double *network_length, *network_angle, *chain_length;
     size_t *chain_edges;

@@ -12,8 +12,8 @@
 
 #define SIDE GRID_VIEW_SIDE
 
-enum { BLOCKS = 64 }; /* in a chunk of work */
-/* Of voxels; beyond, straight lines are enough. */
+enum { BLOCKS = 64 }; /* blocks in a chunk of work */
+/* Number of layers of voxels that are extrapolated one by one; straight lines are sufficient beyond. */
 enum { LAYERS = 2 };
 /* Number of blocks by which the band is extended beyond blocks that have a known voxel: no caller reads
  * farther. */
@@ -21,12 +21,12 @@ enum { ROUNDS = 2 };
 /* Maximum factor by which extrapolation may increase a value; see bounded. */
 enum { LINE_MOST = 3 * SIDE };
 
-/* A block that is continued and those below and above it along each axis: which of their voxels are known,
- * and these. A missing block has no known voxels. */
+/* A block that is extended, and the adjacent blocks below and above it along each axis: their voxels and the
+ * bits of the known ones. A missing block has no known voxels. */
 typedef struct surroundings {
     float *here;
     const float *beyond[6];
-    uint64_t layers[SIDE + 6]; /* the layers along x from 3 below the block on */
+    uint64_t layers[SIDE + 6]; /* known bits of layers x = -3 .. SIDE + 2 relative to the block */
     const uint64_t *known[6];
 } surroundings;
 
@@ -45,8 +45,8 @@ ISA_INLINE void find_surroundings(const samples *s, uint32_t block, surroundings
     memcpy(out->layers + 3 + SIDE, out->known[1], 3 * sizeof *out->layers);
 }
 
-/* For each voxel of the layer x of a block, as bits: whether the voxel `step` away is known: below (side 0)
- * or above along an axis; step <= 3. */
+/* For each voxel of the layer x of a block, as bits: whether the voxel at distance `step` (at most 3), below
+ * it (side 0) or above it (side 1) along an axis, is known. */
 ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int side, int step)
 {
     if (axis == 0) return s->layers[x + 3 + (side ? step : -step)];
@@ -57,8 +57,8 @@ ISA_INLINE uint64_t known_beside(const surroundings *s, int x, int axis, int sid
     return side ? (here >> by & ~high) | (there << back & high) : (here << by & ~low) | (there >> back & low);
 }
 
-/* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1]
- * which have one `step` steps away; k: below and above along each axis. */
+/* Bits of the unknown voxels of a layer that have a known neighbour. known[3 k + step - 1]: which voxels
+ * have a known voxel at distance `step` in direction k (below and above along each axis). */
 ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
 {
     const uint64_t here = s->layers[x + 3];
@@ -76,7 +76,7 @@ ISA_INLINE uint64_t frontier(const surroundings *s, int x, uint64_t known[18])
     return any;
 }
 
-/* Bit 8 y: whether row y of a layer has a bit. */
+/* Bit 8 y is set if row y of a layer has a bit. */
 ISA_INLINE uint64_t rows_with_any(uint64_t bits)
 {
     bits |= bits >> 4;
@@ -94,7 +94,7 @@ ISA_INLINE lanes row_of(const float *block, int x, int y)
     return *(const lanes *)(block + 64 * x + SIDE * y);
 }
 
-/* The eight values from position `from` of two consecutive rows: 1 to 3, 5 to 7. */
+/* Eight consecutive values of two adjacent rows, from position `from` (1 to 3 or 5 to 7). */
 ISA_INLINE lanes across(lanes a, lanes b, int from)
 {
 #define FROM(n) \
@@ -112,8 +112,8 @@ ISA_INLINE lanes across(lanes a, lanes b, int from)
     return a;
 }
 
-/* The values `step` voxels, 1 to 3, from those of a row, below (side 0) or above along an axis. For a missing
- * block they are undefined. */
+/* The values at distance `step` (1 to 3) from those of a row, below (side 0) or above along an axis.
+ * Undefined for a missing block. */
 ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int side, int step)
 {
     const float *there = s->beyond[2 * axis + side];
@@ -124,15 +124,16 @@ ISA_INLINE lanes row_beside(const surroundings *s, int x, int y, int axis, int s
     return side ? across(here, beyond, step) : across(beyond, here, SIDE - step);
 }
 
-/* As block_line_bend. */
+/* block_line_bend in each lane. */
 ISA_INLINE lanes line_bend(lanes a, lanes b, lanes c)
 {
     const lanes change = a - b, most = 0.5f * lanes_larger(change, -change);
     return lanes_larger(lanes_smaller(a - 2 * b + c, most), -most);
 }
 
-/* The clamped value `raw` that a voxel still has gives the side, and the least distance. The bounds hold off
- * what meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
+/* Clamps an extrapolated value. The previous value of the voxel, `raw`, is clamped to the band: it gives the
+ * side and the minimum distance. The bounds prevent growth where fronts meet; they are wide, so that there
+ * is no kink where the band ends. */
 ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
 {
     const lanes_mask side = (lanes_mask)raw & INT32_MIN;
@@ -141,12 +142,13 @@ ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
                    side);
 }
 
-/* For each row of a layer the sum of the extrapolated values of all lines, and the number of lines. */
+/* Per row of a layer: the sums of the extrapolated values over all lines, and the number of lines. */
 typedef struct gathered {
     lanes sum[SIDE], count[SIDE];
 } gathered;
 
-/* What the lines through two known voxels of `two` say, in direction k; of three where those are `bent`. */
+/* Adds the values of the lines in direction k: linear for voxels in `two`, as a parabola for those also in
+ * `bent`. */
 ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, uint64_t bent, gathered *g)
 {
     const lanes one = (lanes){0} + 1;
@@ -160,7 +162,7 @@ ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, 
     }
 }
 
-/* Where there are no lines, of two voxels and more: single voxels. */
+/* Adds the values of single known voxels, for voxels without a line. */
 ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, gathered *g)
 {
     const lanes one = (lanes){0} + 1;
@@ -171,7 +173,7 @@ ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, g
     }
 }
 
-/* Continues the frontier `bits` of the layer x of a block. */
+/* Extrapolates the values of the voxels `bits` of layer x of a block. */
 ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const uint64_t known[18], int layer)
 {
     uint64_t lined = 0;
@@ -194,14 +196,15 @@ ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const 
     }
 }
 
-/* One layer, or one round. */
+/* The job of one layer or one round. */
 typedef struct extension {
     samples *s;
-    const uint32_t *open; /* blocks that have voxels that are not known */
-    uint64_t *next;       /* of all blocks: voxels that have values after this layer */
-    uint64_t *first;      /* after the first layer, which counts as known in the end */
+    const uint32_t *open; /* blocks that have unknown voxels */
+    uint64_t *next;       /* per block: voxels that are known after this layer */
+    uint64_t *first;      /* per block: voxels that are known after the first layer; these count as known in
+                           * the result */
     atomic_uchar
-        *whole; /* of all blocks: 0, or since which round all voxels have values: 1 before the first */
+        *whole; /* per block: 0, or the round after which all voxels have values; 1: before the first round */
     int layer;
     atomic_bool changed;
 } extension;
@@ -218,7 +221,7 @@ static void set_whole(extension *job, size_t block, int since)
     atomic_store_explicit(&job->whole[block], (unsigned char)since, memory_order_relaxed);
 }
 
-/* The open blocks that are not whole; returns how many. */
+/* Keeps the open blocks that still have unknown voxels. Returns their number. */
 static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
 {
     size_t left = 0;
@@ -227,13 +230,13 @@ static size_t keep_open(const atomic_uchar *whole, uint32_t *open, size_t count)
     return left;
 }
 
-/* Eight lines side by side: their voxels number i, and byte i of `known` has their known bits. A line that
- * ends with two known voxels goes straight on, up (or down) to the end of the block. Returns which are
- * known then. */
+/* Extends eight lines in SIMD lanes; line[i] has the voxels number i, and byte i of `known` their bits. A
+ * line that ends with two known voxels is extrapolated linearly, up or down to the end of the block. Returns
+ * the known bits afterwards. */
 ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
 {
     const int by = up ? 1 : -1;
-    uint64_t beyond = known; /* bits at an end and before it */
+    uint64_t beyond = known; /* known voxels, and all voxels before a known one in this direction */
     for (int shift = SIDE; shift < 64; shift *= 2) beyond |= up ? beyond >> shift : beyond << shift;
     const uint64_t one = up ? known << SIDE : known >> SIDE, two = up ? one << SIDE : one >> SIDE;
     uint64_t begins = one & two & ~beyond, fill = begins;
@@ -249,10 +252,11 @@ ISA_INLINE uint64_t go_straight(lanes line[SIDE], uint64_t known, bool up)
     return known | fill;
 }
 
-/* All lines of a block along an axis. */
+/* Extends all lines of a block along an axis. */
 ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
 {
-    for (int i = 0; i < SIDE; i++) { /* slices: layers, or of each layer row i */
+    for (int i = 0; i < SIDE; i++) { /* slices: along the first axis the layers, otherwise row i of each
+                                      * layer */
         lanes line[SIDE];
         uint64_t before = axis == 0   ? block_turned(known, i)
                           : axis == 1 ? known[i]
@@ -275,7 +279,7 @@ ISA_INLINE void straighten(float *f, uint64_t known[SIDE], int axis)
     }
 }
 
-/* The axes, that along which values change most first: extrapolation across the surface is more accurate than
+/* Sorts the axes by decreasing change of the values: extrapolation across the surface is more accurate than
  * along it. One pair of known voxels of each layer is compared. */
 static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
 {
@@ -300,14 +304,14 @@ static void order_axes(const float *f, const uint64_t known[SIDE], int order[3])
     }
 }
 
-/* A block's lines, once its last layer is there: the other blocks' layers ask for none of these voxels. */
+/* Extends the lines of a block after its last layer: no layer of another block reads these voxels. */
 ISA_INLINE void go_straight_within(extension *job, size_t n)
 {
     uint64_t *known = job->next + n * SIDE;
     int order[3];
     if (!block_has_any(known)) return;
     order_axes(job->s->f[n], known, order);
-    for (int k = 0; k < 3 && !is_whole(known); k++) { /* each axis has code of its own */
+    for (int k = 0; k < 3 && !is_whole(known); k++) { /* separate code for each axis */
         if (order[k] == 0) straighten(job->s->f[n], known, 0);
         if (order[k] == 1) straighten(job->s->f[n], known, 1);
         if (order[k] == 2) straighten(job->s->f[n], known, 2);
@@ -315,9 +319,9 @@ ISA_INLINE void go_straight_within(extension *job, size_t n)
     set_whole(job, n, is_whole(known));
 }
 
-/* What is known stays as it was until the layer is done, so that the order of blocks does not matter. Whole
- * rows are read and written, those of neighbours while these write theirs: of what is known the same bits
- * again, and nothing else of them counts. */
+/* Extends the frontier of each block by one layer. `known` is not changed until the layer is done, so that
+ * the result does not depend on the order of blocks. A row may be read while another thread writes it: known
+ * voxels are overwritten with the same bits, and other voxels are not used. */
 ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
@@ -342,14 +346,14 @@ ISA_CLONES static void extend_chunk(void *context, int worker, size_t begin, siz
     if (changed) atomic_store(&job->changed, true);
 }
 
-/* Lines that go on from the block below (side 0) or above along an axis. */
+/* Lines that continue from the block below (side 0) or above along an axis. */
 typedef struct crossing_lines {
     const float *from;
     int axis, side;
 } crossing_lines;
 
-/* How much values grow where the lines cross, which is larger the straighter they lead away from the surface.
- * Four lines are evaluated. */
+/* How much values increase along the lines where they cross the face, summed over four lines. It is largest
+ * for lines perpendicular to the surface. */
 static double growth(const crossing_lines *l)
 {
     const int along = block_stride[l->axis], end = l->side ? 0 : (SIDE - 1) * along,
@@ -363,7 +367,7 @@ static double growth(const crossing_lines *l)
     return sum;
 }
 
-/* Fills what is not known. */
+/* Fills the unknown voxels of a block along the lines. */
 ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known[SIDE])
 {
     const lanes zero = {0}, ahead = {1, 2, 3, 4, 5, 6, 7, 8}, behind = {8, 7, 6, 5, 4, 3, 2, 1};
@@ -386,8 +390,8 @@ ISA_INLINE void lengthen(const crossing_lines *l, float *f, const uint64_t known
     }
 }
 
-/* Blocks that no line of their own fills: from that beside them, whole since an earlier round, from which
- * values grow most. */
+/* Fills blocks that none of their own lines fills: from the adjacent block that has been complete since an
+ * earlier round and whose values increase most. */
 ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, size_t end)
 {
     extension *job = context;
@@ -416,7 +420,8 @@ ISA_CLONES static void lengthen_chunk(void *context, int worker, size_t begin, s
 
 _Static_assert(LAYERS <= 2, "a third layer would be written over the first, which stays");
 
-/* Continues layer by layer, and goes straight on with the last. Returns how many blocks are still open. */
+/* Extrapolates layer by layer, then along lines within blocks. Returns the number of blocks with unknown
+ * voxels. */
 static size_t extend(samples *s, extension *job, uint32_t *open, threads *pool)
 {
     size_t count = s->map.count;

@@ -33,7 +33,8 @@ static span span_of(const cell_block *b, int x, int y)
     return (span){__builtin_ctz(any), 33 - __builtin_clz(any)};
 }
 
-/* Counts within each block: `cells` and `values` are its own numbers at this stage. */
+/* Counts the cells and values of each block. `cells` and `values` of a block are its own numbers until
+ * add_up. */
 ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *job = context;
@@ -57,7 +58,7 @@ ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size
     }
 }
 
-/* Prefix sums: replaces the numbers of each block by the totals of the blocks before it. */
+/* Replaces the numbers of each block by the totals of the blocks before it. */
 static bool add_up(crossed_cells *c, error *e)
 {
     size_t cells = 0, values = 0;

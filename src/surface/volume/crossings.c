@@ -11,7 +11,7 @@
 
 enum { BLOCKS = 256, NODES = 64 }; /* in a chunk of work */
 
-/* Index coordinates this near to the limits of int32 would overflow in the neighbours of a block. */
+/* Coordinates of blocks closer than this to the limits of int32 would overflow in neighbouring blocks. */
 static const int32_t farthest_block = (1 << 28) - 16;
 
 void crossings_free(crossings *c)
@@ -30,8 +30,8 @@ static bool append(crossings *c, const crossing_block *b, error *e)
     return true;
 }
 
-/* The corners of a layer as the cells (y, z) have them: their own, and those one farther along y, z and
- * both. */
+/* The corners of the cells of a layer, as bits of the cells: the corner of the cell, and those one step
+ * along y, along z, and along both. */
 typedef struct beside {
     uint64_t own, y, z, yz;
 } beside;
@@ -40,14 +40,16 @@ ISA_INLINE beside corners_of(const corner_bits *c, int x)
 {
     const uint64_t low = 0x0101010101010101u;
     beside b = {.own = c->at[0][x]};
-    const uint64_t upper = (c->at[2][x] & low) >> 8 | c->at[3][x] << 56; /* z = 8, from y = 1 on */
+    /* corners z = 8; from y = 1 */
+    const uint64_t upper = (c->at[2][x] & low) >> 8 | c->at[3][x] << 56;
     b.y = b.own >> 8 | c->at[1][x] << 56;
     b.z = (b.own >> 1 & ~(low << 7)) | (c->at[2][x] & low) << 7;
     b.yz = (b.y >> 1 & ~(low << 7)) | (upper & low) << 7;
     return b;
 }
 
-/* Whether some and whether all of a layer's corners of each cell are so. */
+/* `some`, `all`: bits of the cells of a layer of which at least one corner, or all four corners, have the
+ * bit. */
 ISA_INLINE uint64_t some(const corner_bits *c, int x)
 {
     const beside b = corners_of(c, x);
@@ -104,7 +106,7 @@ bool crossings_add(crossings *c, const int32_t block[3], const corner_signs *cor
     return append(c, &b, e);
 }
 
-/* The block and those above it, which its cells touch: bits 0 to 2 of k for x, y, z. */
+/* A block and the seven blocks above it, which its cells touch. Bits 0 to 2 of k: one step along x, y, z. */
 static void find_near(const grid_view *l, const int32_t block[3], grid_view_block near[8])
 {
     for (int k = 0; k < 8; k++)
@@ -127,8 +129,8 @@ static bool look_at(const grid_view *l, const int32_t block[3], const grid_view_
     return crossings_add(out, block, &corners, e);
 }
 
-/* The blocks with cells that touch the leaf n. A block that touches several leaves belongs to the first of
- * them in the order of `near`. */
+/* Examines the blocks whose cells touch leaf n. A block that touches several leaves is examined for the
+ * first of them in the order of `near` only. */
 static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e)
 {
     const int32_t *leaf = l->leaves.blocks[n];
@@ -148,7 +150,8 @@ static bool look_around(const grid_view *l, uint32_t n, crossings *out, error *e
     return true;
 }
 
-/* A block that may touch a tile's face: without leaves, which look around themselves. */
+/* Examines a block at a face of a tile. Blocks next to leaves are skipped, because look_around examines
+ * them. */
 static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings *out, error *e)
 {
     grid_view_block near[8];
@@ -162,8 +165,8 @@ static bool look_at_tiles(const grid_view *l, const int32_t block[3], crossings 
     return !(inside && outside) || look_at(l, block, near, out, e);
 }
 
-/* The blocks whose cells touch a face of a tile, `side` blocks wide: in each axis the layer below it and
- * its last one. */
+/* Adds the blocks whose cells touch the faces of a tile that is `side` blocks wide: along each axis the
+ * layer below the tile and its last layer. */
 static bool add_shell(const int32_t origin[3], int32_t side, block_map *candidates, error *e)
 {
     for (int32_t x = 0; x <= side; x++)
@@ -177,13 +180,14 @@ static bool add_shell(const int32_t origin[3], int32_t side, block_map *candidat
     return true;
 }
 
-/* Which tiles of a level part the surface from what lies beyond them. A tile on the background's side matters
- * only beside leaves and other tiles, which count. Bits are as the table's nodes have them. */
+/* Finds the tiles of a level at which the sign of F may change. Only tiles on the opposite side of the
+ * background are needed, since a change next to a tile on its side occurs at a leaf or at another tile. Bits
+ * are those of the nodes of the tile table. */
 typedef struct tile_search {
     const grid_view *from;
     int level;
-    uint64_t *odd;    /* of each node: tiles on the other side than the background */
-    uint64_t *counts; /* likewise: those of them that part it */
+    uint64_t *odd;    /* per node: tiles on the opposite side of the background */
+    uint64_t *counts; /* per node: those of them that have such a face */
 } tile_search;
 
 static void odd_chunk(void *context, int worker, size_t begin, size_t end)
@@ -200,7 +204,7 @@ static void odd_chunk(void *context, int worker, size_t begin, size_t end)
         }
 }
 
-/* Bits of a node's children whose neighbour beyond the face 2 axis + high is marked in `odd`; few are. */
+/* Bits of the children of a node whose neighbour at face 2 axis + high is marked in `odd`. */
 static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int face)
 {
     static const int step[3] = {16, 4, 1};
@@ -215,9 +219,9 @@ static uint64_t odd_beside(const tile_search *job, const block_map_slot *s, int 
                     : (here << by & ~low) | (there >> 3 * by & low);
 }
 
-/* Whether a block beyond a tile's face is constant and on the background's side. Where tiles of both sides
- * meet at an edge or a corner alone, what lies beside both is a leaf, which looks around itself, or is on one
- * side, and so meets the other by a face. */
+/* Whether a block beyond a face of a tile is constant and has the side of the background. Edges and corners
+ * need no test: if tiles of both sides meet only there, the blocks beside both are leaves, which are
+ * examined, or have one of the sides and share a face with the other. */
 static bool meets_background(const grid_view *l, const int32_t origin[3], int32_t side, int face)
 {
     const int axis = face >> 1, a = (axis + 1) % 3, b = (axis + 2) % 3;
@@ -293,9 +297,9 @@ static int by_place(const void *a, const void *b)
 
 typedef struct search {
     const grid_view *from;
-    const block_map *shells; /* blocks that touch faces of tiles */
-    crossings *found;        /* of each chunk of leaves and these */
-    error *fault;            /* likewise; the code is ERROR_NONE where there is none */
+    const block_map *shells; /* candidate blocks at faces of tiles */
+    crossings *found;        /* per chunk, of leaves and then of candidates */
+    error *fault;            /* likewise; code ERROR_NONE: no error */
 } search;
 
 static void search_chunk(void *context, int worker, size_t begin, size_t end)
@@ -313,7 +317,7 @@ static void search_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* What the chunks found, in their order. */
+/* Joins the results of the chunks in their order. */
 static bool gather(crossings *parts, const error *fault, size_t count, crossings *out, error *e)
 {
     size_t blocks = 0;
@@ -374,7 +378,7 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
 
 #define AROUND (GRID_VIEW_SIDE + 3) /* voxels along an axis of a block's cells, with one more on each side */
 
-/* F from one voxel below the block to two above it: +1, 0 or -1 for its sign. */
+/* Reads the signs of F (+1, 0, -1) from one voxel below the block to two above it. */
 static void read_signs(const grid_view *l, const int32_t block[3], int8_t signs[AROUND][AROUND][AROUND])
 {
     grid_view_block around[27];
@@ -403,7 +407,7 @@ static bool is_plateau(int8_t signs[AROUND][AROUND][AROUND], int x, int y, int z
 typedef struct plateau_search {
     const grid_view *from;
     const crossings *crossings;
-    atomic_size_t cells; /* how many are found */
+    atomic_size_t cells; /* number of cells found */
 } plateau_search;
 
 static void plateau_chunk(void *context, int worker, size_t begin, size_t end)

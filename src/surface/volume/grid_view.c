@@ -9,7 +9,7 @@
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 
-/* Half floats carry 11 bits: a stored clamp may differ from the background by this part of it. */
+/* Relative tolerance between a stored clamp and the background: half floats have 11 bits. */
 static const float half_step = 1.0f / 1024;
 
 static const char leaves[] = "the leaves of the grid";
@@ -29,10 +29,10 @@ static int level_of(int32_t side)
     return side == 8 ? 0 : side == 128 ? 1 : 2;
 }
 
-/* Four voxels: what any machine has at once. */
+/* FOUR: lanes of a vector; available with every instruction set. */
 enum { FOUR = 4 };
 typedef float row __attribute__((vector_size(16)));
-typedef int32_t choice __attribute__((vector_size(16))); /* -1: yes, 0: no */
+typedef int32_t choice __attribute__((vector_size(16))); /* -1: true; 0: false */
 
 ISA_INLINE row row_at(const float *values)
 {
@@ -96,7 +96,7 @@ static void range_chunk(void *context, int worker, size_t begin, size_t end)
 
 static void widen(grid_view *l, float lowest, float highest)
 {
-    l->lowest = lowest < l->lowest ? lowest : l->lowest; /* a NaN does neither */
+    l->lowest = lowest < l->lowest ? lowest : l->lowest; /* comparisons with NaN are false */
     l->highest = highest > l->highest ? highest : l->highest;
 }
 
@@ -138,7 +138,7 @@ static bool add_leaves(grid_view *l, error *e)
     return true;
 }
 
-/* What finds leaves and tiles, made beside the look at the leaves' values. */
+/* Builds the tables of leaves and tiles while other threads read the values of leaves. */
 typedef struct tables {
     grid_view *view;
     size_t memory_limit;
@@ -187,7 +187,8 @@ static void sign_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const scan *job = context;
     const grid_view *l = job->view;
-    const float at = (float)l->isovalue; /* floats lie below, at and above both alike, see to_f */
+    const float at = (float)l->isovalue; /* comparing floats with the rounded isovalue equals comparing F
+                                          * with 0, see to_f */
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const float *values = l->grid->leaf_values + n * GRID_VIEW_VOXELS;

@@ -35,7 +35,7 @@ typedef struct grid_view_signs {
 } grid_view_signs;
 
 typedef struct grid_view {
-    const vdb_grid *grid; /* the caller's, must outlive the view */
+    const vdb_grid *grid; /* owned by the caller; must outlive the view */
     double isovalue;
     grid_view_kind kind;
     bool plain;                     /* values need no conversion to F */
@@ -44,7 +44,7 @@ typedef struct grid_view {
     block_map leaves;
     block_map tiles[GRID_VIEW_TILE_LEVELS];    /* by the coordinates of tiles */
     float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
-    /* range of the finite values in the grid, including the background */
+    /* lowest, highest: range of the finite values of the grid, in its unit, including the background */
     float lowest, highest;
     uint64_t not_finite;    /* number of voxels in leaves */
     grid_view_signs *signs; /* of each leaf */

@@ -10,19 +10,20 @@
 
 #define SIDE GRID_VIEW_SIDE
 
-enum { LINES = SIDE * SIDE, RUNS = 8 }; /* of a block along an axis; in a chunk of work */
+enum { LINES = SIDE * SIDE, RUNS = 8 }; /* LINES: lines of a run; RUNS: runs in a chunk of work */
 
 static const double POLE = -0.26794919243112270647; /* sqrt(3) - 2 */
 
-/* A run of blocks along an axis: 64 lines, eight side by side, and of each place along them a row. */
+/* A run of consecutive blocks along an axis: 64 lines. A row has the values of all lines at one position
+ * along the run. */
 typedef struct run {
-    float **block; /* the voxels of each */
-    uint64_t
-        *counts;   /* of each row, which lines' voxels count; two rows more on either side, where none does */
-    size_t length; /* in rows */
+    float **block;    /* voxels of each block */
+    uint64_t *counts; /* per row: bits of the lines whose voxel counts; preceded and followed by two rows
+                    * without bits */
+    size_t length;    /* number of rows */
 } run;
 
-/* In the voxels of blocks: from a row to the next, and from eight of its lines to the next. */
+/* Offsets in the voxels of a block: from one row to the next, and between groups of eight lines of a row. */
 typedef struct strides {
     int along, across;
 } strides;
@@ -39,14 +40,14 @@ ISA_INLINE lanes *lanes_at(const float *row, strides by, int eight)
     return (lanes *)(row + eight * by.across);
 }
 
-/* One line of a row: bit i of its counts. */
+/* Address of lane group i of a row. */
 ISA_INLINE float *line_at(float *row, strides by, int i)
 {
     return row + i / SIDE * by.across + i % SIDE;
 }
 
-/* 6 times the sum over k >= 0 of POLE^k p(-k), p the parabola through f0, f1, f2 at 0, 1, 2; the line where
- * there is no third value, and the constant where there is no second. */
+/* 6 times the sum over k >= 0 of POLE^k p(-k). p is the parabola through f0, f1, f2 at 0, 1, 2; a line
+ * without `three`, a constant without `two`. */
 ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool three)
 {
     const double s0 = 1 / (1 - POLE), s1 = POLE * s0 * s0, s2 = (1 + POLE) * s1 * s0;
@@ -54,8 +55,8 @@ ISA_INLINE double sum_beyond(double f0, double f1, double f2, bool two, bool thr
     return 6 * (f0 * s0 + (slope + bend / 2) * s1 + bend / 2 * s2);
 }
 
-/* Row k of the sums from below. What a row had is gone then: `value` receives it, `kept` is that of the
- * two below. */
+/* Forward recursion for row k. It overwrites the row: `value` receives its previous values; `kept` has those
+ * of the two rows below. */
 ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINES], const float *kept[2])
 {
     const size_t last = r->length - 1;
@@ -69,13 +70,13 @@ ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINE
         *lanes_at(value, first_axis, i) = own;
         *at = lanes_chosen(block_row(here, i), 6 * own + (float)POLE * *lanes_at(before, by, i), own);
     }
-    for (; begins; begins &= begins - 1) { /* nothing came before: that sum is replaced */
+    for (; begins; begins &= begins - 1) { /* a line begins: its sum comes from the extrapolation */
         const int i = __builtin_ctzll(begins);
         const bool two = counts[1] >> i & 1, three = two && counts[2] >> i & 1;
         const double f1 = (double)*line_at(next, by, i), f2 = (double)*line_at(after, by, i);
         *line_at(row, by, i) = (float)sum_beyond((double)value[i], f1, f2, two, three);
     }
-    for (; ends; ends &= ends - 1) { /* both sums meet */
+    for (; ends; ends &= ends - 1) { /* a line ends: the initial value of the backward recursion */
         const int i = __builtin_ctzll(ends);
         const bool two = counts[-1] >> i & 1, three = two && counts[-2] >> i & 1;
         const double other = sum_beyond((double)value[i], (double)kept[0][i], (double)kept[1][i], two, three);
@@ -86,7 +87,7 @@ ISA_INLINE void sum_upwards(const run *r, strides by, size_t k, float value[LINE
 
 ISA_INLINE void solve(const run *r, strides by)
 {
-    float value[3][LINES]; /* of rows k, k - 1 and k - 2, by turns */
+    float value[3][LINES]; /* previous values of rows k, k - 1, k - 2, in a ring buffer */
     for (size_t k = 0; k < r->length; k++)
         if (r->counts[k])
             sum_upwards(r, by, k, value[k % 3], (const float *[]){value[(k + 2) % 3], value[(k + 1) % 3]});
@@ -101,7 +102,8 @@ ISA_INLINE void solve(const run *r, strides by)
     }
 }
 
-/* The last axis becomes the first, whose lines lie side by side, and the first the second; or back. */
+/* Permutes the axes of a block, so that the lines along the last axis become adjacent in memory; `back`
+ * reverses this. */
 ISA_INLINE void turn_block(const float *from, float *to, bool back)
 {
     for (int x = 0; x < SIDE; x++) {
@@ -114,7 +116,7 @@ ISA_INLINE void turn_block(const float *from, float *to, bool back)
     }
 }
 
-/* The same for the voxels' bits. */
+/* Copies the bits of the voxels, permuted likewise. */
 ISA_INLINE void copy_bits(const uint64_t bits[SIDE], int axis, uint64_t row[SIDE])
 {
     uint64_t layer[SIDE];
@@ -125,15 +127,15 @@ ISA_INLINE void copy_bits(const uint64_t bits[SIDE], int axis, uint64_t row[SIDE
 typedef struct filtering {
     samples *s;
     bool known;
-    const uint8_t *counts; /* of each block, whether any of its voxels does */
-    uint32_t *first;       /* blocks that begin runs */
-    run *runs;             /* of each worker */
-    float *turned;         /* likewise: the voxels of a run along the last axis */
-    size_t longest;        /* in rows */
+    const uint8_t *counts; /* per block: it has a voxel that counts */
+    uint32_t *first;       /* the first block of each run */
+    run *runs;             /* per worker */
+    float *turned;         /* per worker: the permuted voxels of a run along the last axis */
+    size_t longest;        /* length of the longest run, in rows */
     int axis;
 } filtering;
 
-/* The block below (side 0) or above in the run, or BLOCK_MAP_NONE. */
+/* The adjacent block below (side 0) or above in the run, or BLOCK_MAP_NONE. */
 static uint32_t beside(const filtering *job, uint32_t n, int side)
 {
     const uint32_t next = job->s->near[6 * (size_t)n + (size_t)(2 * job->axis + side)];
@@ -160,7 +162,7 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
                 memset(counts, 0xff, SIDE * sizeof *counts);
         }
         r->counts[r->length] = r->counts[r->length + 1] = 0;
-        if (job->axis == 1) /* each with strides that are constants for the compiler */
+        if (job->axis == 1) /* separate calls, so that strides are compile-time constants */
             solve(r, second_axis);
         else
             solve(r, first_axis);
@@ -171,7 +173,7 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
     }
 }
 
-/* Where runs along the axis begin, and how long the longest is. Returns how many there are. */
+/* Finds the runs along the axis and the length of the longest one. Returns their number. */
 static size_t find_runs(filtering *job)
 {
     size_t count = 0;

@@ -9,14 +9,14 @@
 
 #define SIDE GRID_VIEW_SIDE
 
-/* Blocks as far away as REACH_MOST reaches along an axis, on either side. */
+/* FARTHEST: maximum distance, in blocks along an axis, that REACH_MOST can span. */
 enum { FARTHEST = 2, AROUND = 2 * FARTHEST + 1, OFFSETS = AROUND * AROUND * AROUND };
 
-/* Crossed blocks for which one thread is enough. */
+/* At most this number of crossed blocks is processed by one thread. */
 enum { FEW = 2048 };
 
-/* A block beside that of the cells, and those cells of each layer along x that are near it, as bits 8 y +
- * z. */
+/* An offset between blocks, and the cells of a block that are within reach of the block at this offset; bit
+ * 8 y + z of near[x]. */
 typedef struct neighbour {
     int32_t step[3];
     uint64_t near[SIDE];
@@ -34,7 +34,7 @@ static bool is_near(reach_limits r, int x, int y, int z)
     return along || x * x + y * y + z * z <= r.straight * r.straight || x + y + z <= r.path;
 }
 
-/* Returns how many there are. */
+/* Lists the offsets with cells within reach. Returns their number. */
 static int find_neighbours(reach_limits r, neighbour out[OFFSETS])
 {
     int count = 0;
@@ -52,18 +52,18 @@ static int find_neighbours(reach_limits r, neighbour out[OFFSETS])
     return count;
 }
 
-/* A part of the crossed blocks, and what lies around it. */
+/* A part of the crossed blocks: the blocks within its reach. */
 typedef struct part {
     block_map map;
-    error fault; /* the code is ERROR_NONE where there is none */
+    error fault; /* code ERROR_NONE: no error */
 } part;
 
 typedef struct search {
     const crossings *crossings;
     const neighbour *around;
-    int count; /* of neighbours */
+    int count; /* number of offsets */
     part *parts;
-    size_t each; /* blocks in a part */
+    size_t each; /* crossed blocks per part */
 } search;
 
 static bool add_around(const search *job, const crossing_block *b, block_map *map, error *e)
@@ -92,8 +92,7 @@ static void part_chunk(void *context, int worker, size_t begin, size_t end)
         if (!add_around(job, &job->crossings->blocks[i], &own->map, &own->fault)) return;
 }
 
-/* Blocks that earlier parts have are there already: the others come in the order in which one thread would
- * find them. */
+/* Adds the blocks of a part that earlier parts did not add. The order is that of a single thread. */
 static bool add_part(const part *p, block_map *map, error *e)
 {
     if (p->fault.code != ERROR_NONE) {

@@ -14,9 +14,9 @@
 #define VOXELS GRID_VIEW_VOXELS
 
 enum { BLOCKS = 64 }; /* in a chunk of work */
-/* Where fewer of the leaves are of use, as of fogs, those are copied and all go. */
+/* If a smaller fraction of the grid's leaves is used, as in fogs, these are copied and the grid is freed. */
 static const double MOST_LEAVES = 0.75;
-/* Beyond this sums of floats overflow; nothing that is meant comes near it. */
+/* Larger values are refused: sums of floats would overflow. */
 static const float largest_value = 1e30f;
 
 size_t samples_bytes(size_t count, bool settled)
@@ -48,7 +48,7 @@ void samples_free(samples *s)
 
 static bool is_usable(float value)
 {
-    return fabsf(value) <= largest_value; /* of NaN false */
+    return fabsf(value) <= largest_value; /* false for NaN */
 }
 
 static bool report_unusable(const samples *s, error *e)
@@ -68,11 +68,11 @@ static bool report_unusable(const samples *s, error *e)
 typedef struct reading {
     const grid_view *from;
     samples *s;
-    bool sound; /* all values are usable */
+    bool sound; /* all values of the grid are usable */
     atomic_bool unusable;
 } reading;
 
-/* Whether no value can be unusable, whatever block it is in. */
+/* Whether all values of the grid are usable, so that blocks need no test. */
 static bool is_sound(const grid_view *l)
 {
     bool good = l->not_finite == 0 && is_usable(l->background);
@@ -102,7 +102,7 @@ static void read_chunk(void *context, int worker, size_t begin, size_t end)
         if (!job->sound)
             for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
         if (!good) atomic_store(&job->unusable, true);
-        for (size_t k = 0; k < 6; k += 2) { /* each says to the one above it that it is there */
+        for (size_t k = 0; k < 6; k += 2) { /* also enters this block in the block above it */
             const uint32_t above = block_map_find(&s->map, b[0] + (k == 0), b[1] + (k == 2), b[2] + (k == 4));
             s->near[6 * n + k + 1] = above;
             if (above != BLOCK_MAP_NONE) s->near[6 * (size_t)above + k] = (uint32_t)n;
@@ -137,8 +137,8 @@ samples_leaves samples_look(const grid_view *l, const block_map *map)
     return (samples_leaves){used * leaf, (all - used) * leaf};
 }
 
-/* Says where each block's voxels lie: in the grid's leaf, where these are taken over, or in a place of
- * their own. */
+/* Assigns the memory of each block: the leaf of the grid if leaves are taken over, otherwise a place in
+ * `others`. */
 static bool place_blocks(samples *s, const grid_view *l, samples_leaves taken, error *e)
 {
     const bool shared = taken.used > 0;
@@ -170,7 +170,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
     bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, taken, e);
     if (ok) {
-        memset(s.near, 0xFF, n * 6 * sizeof *s.near); /* BLOCK_MAP_NONE */
+        memset(s.near, 0xFF, n * 6 * sizeof *s.near); /* all entries become BLOCK_MAP_NONE */
         reading job = {l, &s, is_sound(l), false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
@@ -183,10 +183,10 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
     return ok;
 }
 
-/* ---- taking cubes out */
+/* ---- windows */
 
-/* A coordinate that may lie beyond a block: the nearest within, how far that is, and the way on, along an
- * axis, to the one before. */
+/* A coordinate that may lie outside a block: the nearest coordinate inside, the distance from it, and the
+ * memory offset from it to its inner neighbour. */
 typedef struct nearest {
     int within, away, back;
 } nearest;
@@ -197,8 +197,9 @@ ISA_INLINE nearest nearest_to(int at, int stride)
     return (nearest){within, abs(at - within), at < 0 ? stride : at < SIDE ? 0 : -stride};
 }
 
-/* Voxels in a row in a block that is missing, a voxel or two from the block f: the nearest voxel of that, and
- * on as it changes from the one before, unless that leads to the other side of the surface. */
+/* Reads `count` voxels of a missing block that is next to the block f. Values are extrapolated linearly from
+ * the nearest voxel of f and its inner neighbours. If that would change the sign, the value of the nearest
+ * voxel is used. */
 ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float *to)
 {
     const nearest a = nearest_to(x, block_stride[0]), b = nearest_to(y, block_stride[1]);
@@ -210,11 +211,12 @@ ISA_INLINE void go_beyond(const float *f, int x, int y, int z, int count, float 
                              (float)c.away * (end - at[c.back]);
         const float on = end + change;
         to[k] =
-            ((on > 0) & (end > 0)) | ((on < 0) & (end < 0)) ? on : end; /* a product of floats could be 0 */
+            /* compares signs separately: a product of floats could underflow to 0 */
+            ((on > 0) & (end > 0)) | ((on < 0) & (end < 0)) ? on : end;
     }
 }
 
-/* The part of a range of voxels along an axis that lies in one block: its first voxel and its length. */
+/* The part of a range of voxels along an axis that lies in one block: first voxel and length. */
 typedef struct extent {
     int from, count;
 } extent;
@@ -230,13 +232,13 @@ ISA_INLINE void take_window(const samples *s, const int32_t block[3], const int 
 {
     const float *near[3][3][3];
     uint32_t around[27];
-    extent part[3][3]; /* of each axis: in the block below, in this one and in that above */
+    extent part[3][3]; /* per axis: the parts in the block below, in the block, and in the block above */
     block_map_around(&s->map, block, around);
     const float *own = s->f[around[13]];
 #pragma GCC unroll 9
     for (int k = 0; k < 9; k++) part[k / 3][k % 3] = part_of(low[k / 3], side, k % 3 - 1);
 #pragma GCC unroll 27
-    for (int k = 0; k < 27; k++) { /* all at first, so that they are waited for together */
+    for (int k = 0; k < 27; k++) { /* prefetch all blocks first */
         const int at[3] = {k / 9, k / 3 % 3, k % 3};
         const bool beside = (at[0] == 1) + (at[1] == 1) + (at[2] == 1) == 2;
         near[at[0]][at[1]][at[2]] = around[k] == BLOCK_MAP_NONE ? NULL : s->f[around[k]];
@@ -308,7 +310,7 @@ void samples_corners(const samples *s, const int32_t block[3], bool smooth, floa
     float c[11 * 11 * 11];
     samples_window(s, block, (const int[]){-1, -1, -1}, 11, c);
     static const int step_of[3] = {121, 11, 1};
-    for (int axis = 0; axis < 3; axis++) { /* in place: what is read behind is kept in `before` */
+    for (int axis = 0; axis < 3; axis++) { /* in place: `before` has the overwritten value */
         int d = step_of[axis], a = step_of[axis == 0 ? 1 : 0], b = step_of[axis == 2 ? 1 : 2];
         for (int i = 0; i < 11; i++)
             for (int j = 0; j < 11; j++) {

@@ -59,8 +59,8 @@ void samples_free(samples *s);
 void samples_settle(samples *s);
 
 /* Reads the cube of side^3 voxels that begins at `low`, relative to the block's lowest voxel. The block must
- * exist, and the cube must lie within it and its neighbours. Voxels of missing neighbours have the value of
- * the nearest voxel of the block. */
+ * exist, and the cube must lie within it and its neighbours. Voxels of missing neighbours are extrapolated
+ * linearly from the nearest voxels of the block, but keep the sign of the nearest voxel. */
 void samples_window(const samples *s, const int32_t block[3], const int low[3], int side, float *out);
 
 /* Prefetches the block's voxels, before a window that contains them is read. */

@@ -114,7 +114,7 @@ static bbox add_cells(const volume *v, size_t first, size_t last, bbox box)
     return box;
 }
 
-/* Extends `box` by the cells of block `b`, unless it contains the bounding box of the block. */
+/* Extends `box` by the cells of block `b`, unless it already contains the bounding box of the block. */
 static bbox add_block(const volume *v, const cell_block *b, bbox of_first, bbox box)
 {
     const int32_t *at = v->map.blocks[b->block];

@@ -9,8 +9,8 @@
 /* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of
  * the level set. */
 static const double usual_resolution = 256;
-/* Peak memory while the surface is opened, bytes per voxel squared of the mesh's area. Measured: 350 to 450
- * from 256 to 2048 voxels; less for thin walls. */
+/* Peak memory during opening, in bytes per square voxel of the mesh's area. Measured: 350 to 450 for 256 to
+ * 2048 voxels along the longest side; less for thin walls. */
 static const double bytes_per_square = 450;
 /* Fractions of memory: for voxels as small as the spacing, of the memory that the points leave; for thin
  * parts, of all memory, since their cost does not depend on the number of points. */

@@ -17,7 +17,7 @@ static const double OPPOSITE_FACTOR = 2;
 /* No particle is pinned within this distance of a fixed particle, in spacings: neither could give way. */
 static const double MIN_FIXED_DISTANCE = 0.3;
 
-/* Searches reach farther by this factor, for rounding. */
+/* Factor on the radius of searches, so that rounding excludes no particle. */
 static const double SEARCH_MARGIN = 1.0001;
 
 /* A particle and the position where it would be pinned. */
@@ -44,14 +44,14 @@ static bool is_nearer(const solver *s, size_t i, vec3 place, pin *best)
     return true;
 }
 
-/* Particles near a place. They are found by their positions before any was moved. */
+/* Search for particles by their positions before any particle was pinned. */
 typedef struct pinning {
     const solver *s;
-    vec3 *before; /* positions */
+    vec3 *before; /* positions before pinning */
     cell_list *cells;
-    double largest;  /* spacing of a particle */
-    double farthest; /* that a particle was moved */
-    uint32_t *near;  /* particles that were found; capacity of all */
+    double largest;  /* largest spacing of a particle */
+    double farthest; /* largest displacement of a pinned particle */
+    uint32_t *near;  /* result of find_near; capacity for all particles */
     size_t near_count;
 } pinning;
 
@@ -67,7 +67,7 @@ static int by_number(const void *left, const void *right)
     return (a > b) - (a < b);
 }
 
-/* Finds particles whose distance from x was at most `reach`, in ascending order. */
+/* Finds the particles whose original position is within `reach` of x, in ascending order. */
 static void find_near(pinning *f, vec3 x, double reach)
 {
     f->near_count = 0;
@@ -89,8 +89,8 @@ static bool is_beside_fixed(pinning *f, const pin *to)
     return false;
 }
 
-/* Pins the nearest particle at a place. False if there is none or a fixed particle is too near. Particles
- * that can be pinned have not moved. */
+/* Pins the nearest particle at a place. False: there is none, or a fixed particle is too near. The search
+ * radius suffices, because only pinned particles have moved, and these cannot be pinned again. */
 static bool pin_at(pinning *f, vec3 place)
 {
     particles *p = f->s->state.p;
