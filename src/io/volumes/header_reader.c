@@ -30,7 +30,7 @@ static const long most_files = 65536;
 
 /* What the process answers; one, as it reads one file. */
 typedef struct answer {
-    header head;
+    volume_header head;
     error_code code;
     char *text; /* with room for VOLUME_HEADER_TEXT_MAX: the message, or the names of data files */
     size_t text_length;
