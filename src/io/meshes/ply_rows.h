@@ -27,7 +27,7 @@ size_t ply_rows_at_most(const ply_rows *r);
 /* Takes number k of a list. False: reading ends. */
 typedef bool ply_rows_take(void *context, size_t k, double number);
 
-/* Reads a row. The number of property k, if it is no list, goes to number[slot[k]] if slot[k] >= 0; slot may
+/* Reads a row. The number of property k, unless it is a list, goes to number[slot[k]] if slot[k] >= 0; slot may
  * be NULL. The numbers of `list` go to `take`; NULL: the element has no list that is needed. False: the row is
  * faulty, or `take` has returned false. */
 bool ply_rows_read(ply_rows *r, const int *slot, double *number, const ply_property *list,
