@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of the source tree that a program can check: formatting, lists of files, and names of files that
+"""Rules of the source tree that a program can check: formatting, files that no list has, and names of files that
 do not exist.
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
@@ -63,47 +63,32 @@ def misplaced_pages(root):
             if not any(re.fullmatch(pattern, name) for pattern in PAGES)]
 
 
-def parts_of(root):
-    """The files that Makefile.am includes: one of each folder of sources, and one of each subject of measurements."""
-    return sorted([*root.glob("src/**/Makefile.inc"), *root.glob("measurements/*/Makefile.inc")])
+def fragments(root):
+    """The lists of files that ./bootstrap makes, one line each; what tools/fragments.sh reports if it fails."""
+    done = subprocess.run(["sh", root / "tools/fragments.sh", "--print"], capture_output=True, text=True)
+    return done.stdout.replace("\\\n", " ") + done.stderr
 
 
 def makefile(root):
-    """The text of Makefile.am and of the files that it includes, with whole paths."""
-    parts = parts_of(root)
-    return (root / "Makefile.am").read_text() + "".join(
+    """The text of Makefile.am and of the files that it includes, with whole paths and without comments."""
+    parts = [*root.glob("src/**/Makefile.inc"), *root.glob("measurements/*/Makefile.inc")]
+    text = (root / "Makefile.am").read_text() + fragments(root) + "".join(
         part.read_text().replace("%D%", str(part.parent.relative_to(root))) for part in parts)
+    return re.sub(r"^\s*#.*", "", text, flags=re.M)
 
 
-def parts_left_out(root):
-    """Lists of folders that Makefile.am does not include."""
-    text = (root / "Makefile.am").read_text()
-    return [f"Makefile.am does not include {part}" for part in sorted(
-        p.relative_to(root).as_posix() for p in parts_of(root)) if f"include $(srcdir)/{part}\n" not in text]
-
-
-def listed_sources(root):
-    """The names in Makefile.am's lists of files, without those of built files."""
-    text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", makefile(root), flags=re.M)
-    return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|measurements|tools|doc|etc|examples|systemd)/[\w./+-]+\."
-                          r"(?:c|h|cc|py|md|json|conf|in|yml|png|sh|dict))(?=[\s\\\\]|$)", text))
-
-
-def lost_sources(root):
-    """Names in Makefile.am that are nowhere, and code that Makefile.am does not name."""
-    listed = listed_sources(root)
-    # a test without lines of its own is made of the file of its name
-    programs = re.findall(r"(?<=\s)(tests/unit/\w+)(?=[\s\\\\]|$)", makefile(root))
-    listed |= {f"{name}.c" for name in programs}
-    return ([f"Makefile.am names {name}, which is nowhere" for name in sorted(listed) if not (root / name).is_file()]
-            + [f"Makefile.am does not name {name}" for name in code_of(root, (".",)) if name not in listed])
+TREE = ("clients", "debian", "doc", "etc", "examples", "fuzz", "measurements", "page", "share", "src", "systemd", "tests", "tools")
 
 
 def left_out(root):
-    """Pages and Python programs that the tarball would not have: Makefile.am names neither them nor a folder above."""
-    words = set(re.sub(r"^\s*#.*", "", (root / "Makefile.am").read_text(), flags=re.M).split())
-    return [f"Makefile.am does not name {name}" for name in files_of(root, ("doc", *CODE, "tools", "clients"), (".md", ".py"))
-            if not words & {name, *map(str, pathlib.PurePath(name).parents)}]
+    """Files that are not compiled, or that the tarball would not have: no list names them or a folder above."""
+    faults = [line for line in fragments(root).splitlines() if line.startswith("fragments: ")]
+    words = set(re.split(r"[\s\\]+", makefile(root).replace("$(srcdir)/", "")))
+    # a test of one file is made of the file of its name
+    words |= {f"{word}.c" for word in words if word.startswith("tests/unit/")}
+    return faults or [f"no list of Makefile.am names {name}" for name in files_of(root, TREE, "")
+                      if not words & {name, *map(str, pathlib.PurePath(name).parents)}
+                      or name.endswith((".c", ".h", ".cc")) and name not in words]
 
 
 def other_versions(root):
@@ -232,7 +217,7 @@ def unlicensed(root):
     return faults
 
 
-CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
+CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_names, index_differences,
           unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
           lost_recipes, unlicensed]
 
@@ -265,8 +250,11 @@ def small(source, tmp_path):
         "ARCHITECTURE.md": "# The start\nSee [the guide](doc/guide.md) and [above](#the-start) for `base/clock` and `no/such`.\n",
         file_index.PAGE: file_index.BEGIN + "\n## src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
-        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md tests/README.md\ntime: all\ninclude $(srcdir)/src/base/Makefile.inc\n",
-        "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
+        "Makefile.am": "include $(srcdir)/build-aux/files.mk\nEXTRA_DIST = $(distributed_files) measurements tests/clock.h"
+                       " clients/python/pyproject.toml clients/typescript/package.json\ntime: all\n",
+        "src/base/Makefile.inc": "a_SOURCES += $(src_base)\n",
+        "tests/longest.txt": "",
+        "tools/fragments.sh": (source / "tools/fragments.sh").read_text(),
         "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
         "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
         "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
@@ -281,12 +269,10 @@ def small(source, tmp_path):
 FAULTS = [
     (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
     (misplaced_pages, "PLANS.md", "A page outside the folders of pages.\n", "PLANS.md is not where pages are"),
-    (parts_left_out, "src/json/Makefile.inc", "a_SOURCES += %D%/json.c\n", "Makefile.am does not include src/json/Makefile.inc"),
-    (parts_left_out, "src/io/points/Makefile.inc", "a_SOURCES += %D%/ply.c\n", "Makefile.am does not include src/io/points/Makefile.inc"),
-    (lost_sources, "src/base/Makefile.inc", "a_SOURCES += %D%/clock.c %D%/gone.c\n", "Makefile.am names src/base/gone.c"),
-    (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
-    (lost_sources, "probe.c", "int new;\n", "Makefile.am does not name probe.c"),
-    (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
+    (left_out, "fuzz/new.c", "int new;\n", "no list of Makefile.am names fuzz/new.c"),
+    (left_out, "measurements/time/new.c", "int new;\n", "no list of Makefile.am names measurements/time/new.c"),
+    (left_out, "share/new.py", "", "no list of Makefile.am names share/new.py"),
+    (left_out, "src/json/json.c", "int new;\n", "fragments: src/json/json.c: there is no Makefile.inc"),
     (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
     (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_names, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
@@ -330,17 +316,15 @@ def test_a_fault_is_found(small, check, name, text, told):
 
 # ---- which test is in which tier
 
-TIERS = {  # variables of Makefile.am that list the files of each tier
-    "basic": ("longest_tests", "service_e2e_tests", "other_tests"),
+TIERS = {  # the lists of tools/fragments.sh that have the files of each tier
+    "basic": ("longest_tests", "other_tests"),
     "sanitized": ("sanitized_tests",),
     "extended": ("extended_tests", "campaign_tests"),
 }
 
 
 def listed_tests(root, variables):
-    text = (root / "Makefile.am").read_text().replace("\\\n", " ")
-    lists = re.findall(rf"^(?:{'|'.join(variables)}) \+?= (.*)$", text, re.M)
-    return {word for words in lists for word in words.split() if word.endswith(".py")}
+    return {word for words in re.findall(rf"^(?:{'|'.join(variables)}) =(.*)$", fragments(root), re.M) for word in words.split()}
 
 
 @pytest.fixture(scope="module")
@@ -361,5 +345,5 @@ def files_by_tier(source):
 
 @pytest.mark.extended
 @pytest.mark.parametrize("tier", TIERS)
-def test_makefile_lists_the_files_with_tests_of_a_tier(source, files_by_tier, tier):
+def test_lists_have_the_files_with_tests_of_a_tier(source, files_by_tier, tier):
     assert listed_tests(source, TIERS[tier]) == files_by_tier[tier]
