@@ -122,7 +122,7 @@ def lost_links(root):
     return faults
 
 
-SMALL_TREES = ("tests/test_layers.py", "tests/test_source_tree.py", "tests/tools/test_bootstrap.py")
+SMALL_TREES = ("tests/test_figures.py", "tests/test_layers.py", "tests/test_source_tree.py", "tests/tools/test_bootstrap.py")
 SCRIPTS = ("bootstrap", "debian/rules", "fuzz/run", "measurements/paper/reproduce", "share/hexad-frame", "tests/boot/bootcheck",
            "tests/packages/containercheck", "tests/packages/packagecheck", "tests/valgrind/run")
 BUILT = ("debian/changelog", "debian/hexad-doc/*", "debian/tmp*", "fuzz/found", "fuzz/smoke", "fuzz/specs.found", "measurements/speed/smoke.*", "page/preact.js",
