@@ -94,13 +94,22 @@ def left_out(root):
                       or name.endswith((".c", ".h", ".cc")) and name not in words]
 
 
+# Files that repeat the version of configure.ac, the line, and what "~rc" is called there.
+VERSIONS = (("CITATION.cff", r"^version: (\S+)", "~rc"), ("clients/python/pyproject.toml", r'^version = "(.*)"', "rc"),
+            ("clients/typescript/package.json", r'^  "version": "(.*)"', "-rc."))
+
+
 def other_versions(root):
-    """Files that say another version than configure.ac."""
+    """Files with another version than configure.ac."""
     version = re.search(r"AC_INIT\(\[hexad\], \[(.*?)\]\)", (root / "configure.ac").read_text())[1]
-    said = {name: re.search(pattern, (root / name).read_text(), re.M)[1] for name, pattern in (
-        ("CITATION.cff", r"^version: (\S+)"), ("clients/python/pyproject.toml", r'^version = "(.*)"'),
-        ("clients/typescript/package.json", r'^  "version": "(.*)"'))}
-    return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
+    if not re.fullmatch(r"\d+\.\d+\.\d+(~rc\d+)?", version):
+        return [f"configure.ac: {version} is neither N.N.N nor N.N.N~rcN"]
+    faults = []
+    for name, pattern, candidate in VERSIONS:
+        found, expected = re.search(pattern, (root / name).read_text(), re.M)[1], version.replace("~rc", candidate)
+        if found != expected:
+            faults.append(f"{name} has version {found}, expected {expected} (configure.ac: {version})")
+    return faults
 
 
 def anchors_of(page):
@@ -325,10 +334,10 @@ def small(source, tmp_path):
         "tests/longest.txt": "",
         "tools/file_index.py": "# SPDX-License-Identifier: Apache-2.0\n",
         "tools/fragments.sh": re.sub(r"(?m)^#(?!!| SPDX).*\n", "", (source / "tools/fragments.sh").read_text()),
-        "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
-        "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
-        "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
-        "clients/typescript/package.json": '{\n  "version": "1.2.3"\n}\n',
+        "configure.ac": "AC_INIT([hexad], [1.2.3~rc4])\n",
+        "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3~rc4\n",
+        "clients/python/pyproject.toml": '[project]\nversion = "1.2.3rc4"\n',
+        "clients/typescript/package.json": '{\n  "version": "1.2.3-rc.4"\n}\n',
         ".clang-format": (source / ".clang-format").read_text(),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -343,7 +352,11 @@ FAULTS = [
     (left_out, "measurements/time/new.c", "int new;\n", "no list of Makefile.am names measurements/time/new.c"),
     (left_out, "share/new.py", "", "no list of Makefile.am names share/new.py"),
     (left_out, "src/json/json.c", "int new;\n", "fragments: src/json/json.c: there is no Makefile.inc"),
-    (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
+    (other_versions, "CITATION.cff", "cff-version: 1.2.3~rc4\nversion: 1.2.3~rc3\n", "CITATION.cff has version 1.2.3~rc3, expected 1.2.3~rc4"),
+    (other_versions, "clients/python/pyproject.toml", 'version = "1.2.3~rc4"\n', "clients/python/pyproject.toml has version 1.2.3~rc4, expected 1.2.3rc4"),
+    (other_versions, "clients/typescript/package.json", '  "version": "1.2.3-rc4"\n',
+     "clients/typescript/package.json has version 1.2.3-rc4, expected 1.2.3-rc.4"),
+    (other_versions, "configure.ac", "AC_INIT([hexad], [1.2.3-rc4])\n", "configure.ac: 1.2.3-rc4 is neither N.N.N nor N.N.N~rcN"),
     (lost_links, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
     (lost_links, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
     (lost_links, "clients/README.md", "a picture:\n![a job](job.png \"a job\")\n", "clients/README.md: the link to job.png"),

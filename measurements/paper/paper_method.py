@@ -53,7 +53,8 @@ def run(worker, spec):
 
 
 def share_of(report):
-    return report["quality"]["unresolved_count"] / report["count"]
+    quality = report["quality"]  # a reference build may call the member unresolved_count
+    return quality.get("thin_count", quality.get("unresolved_count")) / report["count"]
 
 
 def is_resolved(report):
