@@ -143,7 +143,7 @@ CSV = "job,share,time_s,count,note\na 1,0.9142,0.4251,12345,converged\n\"b, c\",
 
 @pytest.fixture
 def small(tmp_path):
-    """Returns the faults of a page beside the file results.csv in the folder m; the page doc/page.md is one above it."""
+    """Returns the places and faults of a page in a small tree, by default beside its results in the folder m."""
     def faults(text, name="m/README.md"):
         for path, content in (("m/results.csv", CSV), ("m/other.csv", "x,y\n1,2\n1,3\n"), (name, text)):
             (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
