@@ -134,7 +134,7 @@ def lost_links(root):
 SMALL_TREES = ("tests/test_figures.py", "tests/test_layers.py", "tests/test_source_tree.py", "tests/tools/test_bootstrap.py", "tests/tools/test_commit.py")
 SCRIPTS = ("bootstrap", "debian/rules", "fuzz/run", "measurements/paper/reproduce", "share/hexad-frame", "tests/boot/bootcheck",
            "tests/packages/containercheck", "tests/packages/packagecheck", "tests/valgrind/run")
-BUILT = ("debian/changelog", "debian/hexad-doc/*", "debian/tmp*", "fuzz/found", "fuzz/smoke", "fuzz/specs.found", "measurements/speed/smoke.*", "page/preact.js",
+BUILT = ("debian/changelog", "debian/hexad-doc/*", "debian/tmp*", "fuzz/found", "fuzz/smoke", "fuzz/specs.found", "measurements/speed/smoke*", "page/preact.js",
          "page/sha256.js", "page/uplot.*", "src/service/api/openapi_*.inc", "src/service/executor/commit.inc", "src/service/*/lib*_a-*", "tests/pycache",
          "tests/valgrind/calls.so", "share/hexad/*", "share/doc/*", "*/node_modules*")  # by make or npm, or installed below /usr/share
 
