@@ -445,7 +445,7 @@ class Copy:
         self.synchronise()
         self.log.write_text("")
         if not (self.source / "configure").exists():
-            require(run_quietly(["autoreconf", "-fi"], self.log, cwd=self.source), "autoreconf", self.log)
+            require(run_quietly(["sh", "-c", "tools/fragments.sh && autoreconf -fi"], self.log, cwd=self.source), "autoreconf", self.log)
         if not (self.build / "Makefile").exists():
             flags = SANITIZERS if self.options.survivors else ["CFLAGS=-O1", "CXXFLAGS=-O1"]
             require(run_quietly(["../source/configure", "-q", f"CC={self.options.cc}", f"CXX={self.options.cxx}", *flags],
