@@ -11,6 +11,8 @@ from readers import Points
 from reference import Reference
 from service import sphere
 
+pytestmark = pytest.mark.extended  # all need the shared data
+
 # Long jobs beside others on a machine that may be busy, with sanitizers at that.
 JOB_PATIENCE_S = 900
 # What 99 % of the points must keep to, and what the rest may not pass: of the smallest voxel edge.
