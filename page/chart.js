@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Charts of a run over its sweeps, drawn by uPlot.
 import {html, useEffect, useRef} from "./preact.js";
+import {valueAt} from "./report.js";
 import uPlot from "./uplot.js";
 import {numberOf} from "./words.js";
 
@@ -19,7 +20,7 @@ export const TIME_LEFT = {key: "eta_s", word: "Time left (s)", scale: {distr: LI
 
 /** The sweeps of a report as rows of the quantities. */
 export function rowsOfReport(report) {
-  const ideal = report.energy && report.energy.ideal;
+  const ideal = valueAt(report, "diagnostics.energy.ideal");
   return (report.sweeps || []).map((sweep, i) => ({sweep: i + 1, ...sweep, energy_excess: ideal ? sweep.energy / ideal - 1 : null}));
 }
 

@@ -17,6 +17,7 @@ export const MEASURES = [
   ["quality.min_spacing_ratio", "Closest pair", "The smallest distance between two points, in spacings.", 1],
   ["quality.close_share", "Close points", "The share of points with another within 0.25 spacings on the same side.", 0],
   ["quality.coincident", "Coincident points", "Points with another within 0.001 spacings on the same side.", 0],
+  ["quality.thin_count", "Points on thin walls", "Points with another on an opposite wall within 1.2 spacings.", 0],
   ["quality.coverage", "Farthest place", "The largest distance of a place of the surface from the nearest point, in spacings.", 0.58],
   ["quality.missing_share", "Missing area", "The share of the area that has no point of its own side within 1.2 spacings.", 0],
   ["quality.parts_without_points.area_share", "Parts without points", "The share of the area in parts of the surface that have no points.", 0],
@@ -40,8 +41,10 @@ function ratedAt(report, path) {
   return numberOf(valueAt(report, path)) + (rating ? ` (${rating})` : "");
 }
 
+/** The value at a path. Reports of early builds have the members of `diagnostics` beside it. */
 export function valueAt(report, path) {
-  return path.split(".").reduce((at, key) => (at === null || at === undefined ? undefined : at[key]), report);
+  const value = path.split(".").reduce((at, key) => (at === null || at === undefined ? undefined : at[key]), report);
+  return value === undefined && path.startsWith("diagnostics.") ? valueAt(report, path.slice("diagnostics.".length)) : value;
 }
 
 function Timing({report}) {
@@ -50,7 +53,7 @@ function Timing({report}) {
     ${Object.entries(phases).map(([key, word]) => report.timing_s && key in report.timing_s &&
       html`<tr><th scope="row">${word}</th><td class="number">${durationOf(report.timing_s[key])}</td></tr>`)}
     <tr><th scope="row">Largest memory</th><td class="number">${bytesOf(report.peak_memory_bytes)}</td></tr>
-    <tr><th scope="row">Threads</th><td class="number">${report.threads}</td></tr></tbody></table>`;
+    <tr><th scope="row">Threads</th><td class="number">${valueAt(report, "diagnostics.threads")}</td></tr></tbody></table>`;
 }
 
 function Inputs({inputs}) {

@@ -9,7 +9,11 @@ HEXAD_TIER     basic: tests that show whether a build works; extended: the other
                sanitizers; default: all
 
 A test belongs to the extended tier if it has the marker `extended`, or if it needs the shared data, which are no part of
-the source. The tests of the sanitized tier have the marker `sanitized`.
+the source. The tests of the sanitized tier have the marker `sanitized`. Files of neither tier, which `make farmtest` runs, have
+the marker `campaign` beside `extended`.
+
+tools/fragments.sh reads the tiers of a file from its text, without importing it: the marker as a decorator of a test or of a
+parameter, `pytestmark` in one line, and the fixture `shared_data` as a parameter of a test.
 """
 import os
 import pathlib
@@ -31,6 +35,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     for text in ("extended: takes long or needs an external program; `./bootstrap check-all` runs it",
+                 "campaign: runs in neither tier; `make farmtest` runs its file",
                  "sanitized: runs in builds with sanitizers: it executes code that no unit test executes, or gives malformed input"):
         config.addinivalue_line("markers", text)
 

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of the source tree that a program can check: formatting, lists of files, and names of files that
+"""Rules of the source tree that a program can check: formatting, files that no list has, and names of files that
 do not exist.
 
 Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
 with one fault, where the list must name it. test_layers.py checks which module of src may include which.
 """
+import fnmatch
+import io
 import os
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import tokenize
 
 import pytest
 
@@ -63,56 +66,50 @@ def misplaced_pages(root):
             if not any(re.fullmatch(pattern, name) for pattern in PAGES)]
 
 
-def parts_of(root):
-    """The files that Makefile.am includes: one of each folder of sources, and one of each subject of measurements."""
-    return sorted([*root.glob("src/**/Makefile.inc"), *root.glob("measurements/*/Makefile.inc")])
+def fragments(root):
+    """The lists of files that ./bootstrap makes, one line each; what tools/fragments.sh reports if it fails."""
+    done = subprocess.run(["sh", root / "tools/fragments.sh", "--print"], capture_output=True, text=True)
+    return done.stdout.replace("\\\n", " ") + done.stderr
 
 
 def makefile(root):
-    """The text of Makefile.am and of the files that it includes, with whole paths."""
-    parts = parts_of(root)
-    return (root / "Makefile.am").read_text() + "".join(
+    """The text of Makefile.am and of the files that it includes, with whole paths and without comments."""
+    parts = [*root.glob("src/**/Makefile.inc"), *root.glob("measurements/*/Makefile.inc")]
+    text = (root / "Makefile.am").read_text() + fragments(root) + "".join(
         part.read_text().replace("%D%", str(part.parent.relative_to(root))) for part in parts)
+    return re.sub(r"^\s*#.*", "", text, flags=re.M)
 
 
-def parts_left_out(root):
-    """Lists of folders that Makefile.am does not include."""
-    text = (root / "Makefile.am").read_text()
-    return [f"Makefile.am does not include {part}" for part in sorted(
-        p.relative_to(root).as_posix() for p in parts_of(root)) if f"include $(srcdir)/{part}\n" not in text]
-
-
-def listed_sources(root):
-    """The names in Makefile.am's lists of files, without those of built files."""
-    text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", makefile(root), flags=re.M)
-    return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|measurements|tools|doc|etc|examples|systemd)/[\w./+-]+\."
-                          r"(?:c|h|cc|py|md|json|conf|in|yml|png|sh|dict))(?=[\s\\\\]|$)", text))
-
-
-def lost_sources(root):
-    """Names in Makefile.am that are nowhere, and code that Makefile.am does not name."""
-    listed = listed_sources(root)
-    # a test without lines of its own is made of the file of its name
-    programs = re.findall(r"(?<=\s)(tests/unit/\w+)(?=[\s\\\\]|$)", makefile(root))
-    listed |= {f"{name}.c" for name in programs}
-    return ([f"Makefile.am names {name}, which is nowhere" for name in sorted(listed) if not (root / name).is_file()]
-            + [f"Makefile.am does not name {name}" for name in code_of(root, (".",)) if name not in listed])
+TREE = ("clients", "debian", "doc", "etc", "examples", "fuzz", "measurements", "page", "share", "src", "systemd", "tests", "tools")
 
 
 def left_out(root):
-    """Pages and Python programs that the tarball would not have: Makefile.am names neither them nor a folder above."""
-    words = set(re.sub(r"^\s*#.*", "", (root / "Makefile.am").read_text(), flags=re.M).split())
-    return [f"Makefile.am does not name {name}" for name in files_of(root, ("doc", *CODE, "tools", "clients"), (".md", ".py"))
-            if not words & {name, *map(str, pathlib.PurePath(name).parents)}]
+    """Files that are not compiled, or that the tarball would not have: no list names them or a folder above."""
+    faults = [line for line in fragments(root).splitlines() if line.startswith("fragments: ")]
+    words = set(re.split(r"[\s\\]+", makefile(root).replace("$(srcdir)/", "")))
+    # a test of one file is made of the file of its name
+    words |= {f"{word}.c" for word in words if word.startswith("tests/unit/")}
+    return faults or [f"no list of Makefile.am names {name}" for name in files_of(root, TREE, "")
+                      if not words & {name, *map(str, pathlib.PurePath(name).parents)}
+                      or name.endswith((".c", ".h", ".cc")) and name not in words]
+
+
+# Files that repeat the version of configure.ac, the line, and what "~rc" is called there.
+VERSIONS = (("CITATION.cff", r"^version: (\S+)", "~rc"), ("clients/python/pyproject.toml", r'^version = "(.*)"', "rc"),
+            ("clients/typescript/package.json", r'^  "version": "(.*)"', "-rc."))
 
 
 def other_versions(root):
-    """Files that say another version than configure.ac."""
+    """Files with another version than configure.ac."""
     version = re.search(r"AC_INIT\(\[hexad\], \[(.*?)\]\)", (root / "configure.ac").read_text())[1]
-    said = {name: re.search(pattern, (root / name).read_text(), re.M)[1] for name, pattern in (
-        ("CITATION.cff", r"^version: (\S+)"), ("clients/python/pyproject.toml", r'^version = "(.*)"'),
-        ("clients/typescript/package.json", r'^  "version": "(.*)"'))}
-    return [f"{name} says version {other}, configure.ac {version}" for name, other in said.items() if other != version]
+    if not re.fullmatch(r"\d+\.\d+\.\d+(~rc\d+)?", version):
+        return [f"configure.ac: {version} is neither N.N.N nor N.N.N~rcN"]
+    faults = []
+    for name, pattern, candidate in VERSIONS:
+        found, expected = re.search(pattern, (root / name).read_text(), re.M)[1], version.replace("~rc", candidate)
+        if found != expected:
+            faults.append(f"{name} has version {found}, expected {expected} (configure.ac: {version})")
+    return faults
 
 
 def anchors_of(page):
@@ -121,21 +118,95 @@ def anchors_of(page):
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-def lost_names(root):
-    """Links of pages to files or headings that are nowhere, and files (`folder/.../noun` in backticks) that are not in src."""
+def lost_links(root):
+    """Links and pictures of pages that lead to files or headings that are nowhere."""
     faults = []
-    folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
-    for name in pages_of(root):
+    for name in files_of(root, (".",), (".md",)):
         text = (root / name).read_text()
-        here = (root / name).parent
-        for link in re.findall(r"\]\(([^)\s]+)[^)]*\)", text):
-            file, _, anchor = link.partition("#")
-            target = here / file if file else root / name
-            if "://" not in link and not (target.exists() and (not anchor or anchor in anchors_of(target))):
-                faults.append(f"{name}: the link to {link} leads nowhere")
-        for path in re.findall(r"`(?:src/)?([a-z_]+(?:/[a-z_]+)+)(?:\.(?:[ch]|cc))?`", text):
-            if path.split("/")[0] in folders and not [*(root / "src").glob(path + ".*"), *(root / "src").glob(path)]:
-                faults.append(f"{name}: there is no src/{path}")
+        for link in re.findall(r"\]\(([^)\s]+)[^)]*\)|<img [^>]*src=\"([^\"]+)\"", text):
+            file, _, anchor = "".join(link).partition("#")
+            target = (root / name).parent / file if file else root / name
+            if "://" not in file and not (target.exists() and (not anchor or anchor in anchors_of(target))):
+                faults.append(f"{name}: the link to {''.join(link)} leads nowhere")
+    return faults
+
+
+SMALL_TREES = ("tests/test_figures.py", "tests/test_layers.py", "tests/test_source_tree.py", "tests/tools/test_bootstrap.py", "tests/tools/test_commit.py")
+SCRIPTS = ("bootstrap", "debian/rules", "fuzz/run", "measurements/paper/reproduce", "share/hexad-frame", "tests/boot/bootcheck",
+           "tests/packages/containercheck", "tests/packages/packagecheck", "tests/valgrind/run")
+BUILT = ("debian/changelog", "debian/hexad-doc/*", "debian/tmp*", "fuzz/found", "fuzz/smoke", "fuzz/specs.found", "measurements/speed/smoke*", "page/preact.js",
+         "page/sha256.js", "page/uplot.*", "src/service/api/openapi_*.inc", "src/service/executor/commit.inc", "src/service/*/lib*_a-*", "tests/pycache",
+         "tests/valgrind/calls.so", "share/hexad/*", "share/doc/*", "*/node_modules*")  # by make or npm, or installed below /usr/share
+
+
+def comments_of_c(text):
+    return [(text.count("\n", 0, found.start()) + 1, found[0]) for found in re.finditer(r"/\*.*?\*/|//[^\n]*", text, re.S)]
+
+
+def comments_of_python(text):
+    """Comments and texts in three quotes."""
+    return [(token.start[0], token.string) for token in tokenize.generate_tokens(io.StringIO(text).readline)
+            if token.type == tokenize.COMMENT or token.string.startswith('"' * 3)]
+
+
+def texts(root):
+    """(name, text) of what may name files: pages, Makefiles and scripts, and the comments of code and of tests that make small trees.
+    The text keeps its line breaks."""
+    for name in files_of(root, (*TREE, *(p.name for p in root.iterdir() if p.is_file())), ""):
+        path = pathlib.PurePath(name)
+        if path.name in ("Makefile.am", "Makefile.inc"):
+            yield name, (root / name).read_text().replace("%D%", str(path.parent))
+        elif (path.suffix in (".md", ".py", ".sh") or name in SCRIPTS) and name not in SMALL_TREES:
+            yield name, (root / name).read_text()
+        elif path.suffix in (".c", ".h", ".cc", ".py"):
+            text = (root / name).read_text()
+            lines = [""] * (text.count("\n") + 2)
+            for line, comment in comments_of_python(text) if path.suffix == ".py" else comments_of_c(text):
+                for number, part in enumerate(comment.split("\n"), line - 1):
+                    lines[number] += " " + part
+            yield name, "\n".join(lines)
+
+
+def is_placeholder(path):
+    """Whether a name has a word in capitals, such as src/FOLDER/NOUN.c, or is the example of CONTRIBUTING.md, test_noun.c."""
+    return re.search(r"(?<![a-zA-Z])[A-Z]{3,}(?![a-zA-Z])|\bnoun\b|_noun\b", path)
+
+
+def lost_paths(root):
+    """Paths that begin with a folder of the tree, and modules (`folder/.../noun` in code style), that are nowhere."""
+    files = files_of(root, TREE, "")
+    known = {*files, *(str(parent) for name in files for parent in pathlib.PurePath(name).parents),
+             *(str(pathlib.PurePath(name).with_suffix("")) for name in files)}
+    folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
+    whole = re.compile(rf"(?<![\w./$(){{}}~@<>-])(?:\./)?((?:{'|'.join(TREE)})/[\w./*+-]*[\w*/])([{{$%<\[]?)")
+    module = re.compile(rf"`((?:{'|'.join(folders)})(?:/[a-z_]+)+)(?:\.(?:[ch]|cc))?`()")
+    faults = []
+    for name, text in texts(root):
+        for found in [*whole.finditer(text), *module.finditer(text)]:
+            path = re.sub(r"^fuzz/(fuzz|replay|lines)_", "fuzz/", found[1].rstrip("/."))
+            pattern = path + "*" if found[2] else path
+            if path.split("/")[0] not in TREE:
+                pattern = f"src/{path}"
+            if pattern not in known and not is_placeholder(path) and not any(fnmatch.fnmatch(path, p) for p in BUILT) and not (
+                    "*" in pattern and fnmatch.filter(known, pattern)):
+                faults.append(f"{name}:{text.count(chr(10), 0, found.start()) + 1}: {found[1]} is nowhere")
+    return faults
+
+
+STANDARD_TARGETS = ("all", "check", "clean", "dist", "distcheck", "distclean", "install", "uninstall")
+
+
+def lost_targets(root):
+    """Targets in `make TARGET`, in code style or in a block of code of a page, that Makefile.am does not have."""
+    rules = re.findall(r"^([\w. %/$()-]+):(?!=)", makefile(root), re.M)
+    targets = {*STANDARD_TARGETS, *(word for words in rules for word in words.split())}
+    faults = []
+    for name, text in texts(root):
+        styles = r"`make\s+([^`]+)`|^(?: {4}|\$ )?make +([^\n#]+)" if name.endswith(".md") else r"`make\s+([^`]+)`"
+        for found in re.finditer(styles, text, re.M):
+            words = re.sub(r"(?<= )-[Cj] ?\S+|\w+=(\"[^\"]*\"|'[^']*'|\S*)", "", " " + (found[1] or found[2] or found[0])).split()
+            faults += [f"{name}:{text.count(chr(10), 0, found.start()) + 1}: there is no target {word} of make" for word in words
+                       if re.fullmatch(r"[a-z][a-z-]*", word) and word not in targets]
     return faults
 
 
@@ -206,20 +277,12 @@ def unnamed_tests(root):
 
 
 def lost_recipes(root):
-    """Files and targets of make in the recipes of CONTRIBUTING.md that are nowhere. A name with a word in capitals is a placeholder."""
+    """Files without a folder in the recipes of CONTRIBUTING.md that are nowhere. A name with a word in capitals is a placeholder."""
     recipes = (root / "CONTRIBUTING.md").read_text().partition("\n## Recipes\n")[2]
     files = {pathlib.PurePath(name).name for name in files_of(root, (".",), "")}
-    targets = {"distcheck", *re.findall(r"^([\w-]+)(?=[\w -]*:(?!=))", makefile(root), re.M)}
-    faults = []
-    for words in re.findall(r"`([^`]+)`", recipes):
-        command, *rest = re.split(r"[\s<>]+", words)
-        if command == "make":
-            faults += [f"CONTRIBUTING.md: there is no target {word} of make" for word in rest if word not in targets]
-        paths = [word for word in (command, *rest) if re.fullmatch(r"\w[\w.-]*(/[\w.*-]+)+|[\w-]+\.(?:[ch]|cc|py|md|json|inc|ac|am|conf)", word)
-                 and not re.search(r"(?<![a-zA-Z])[A-Z]{3,}(?![a-zA-Z])", word)]
-        faults += [f"CONTRIBUTING.md: a recipe names {path}, which is nowhere" for path in paths if path not in files
-                   and not any([*top.glob(path), *top.glob(path + ".*")] for top in (root, root / "src"))]
-    return faults
+    return [f"CONTRIBUTING.md: a recipe names {word}, which is nowhere"
+            for words in re.findall(r"`([^`]+)`", recipes) for word in re.split(r"[\s<>]+", words)
+            if re.fullmatch(r"[\w-]+\.(?:[ch]|cc|py|md|json|inc|ac|am|conf)", word) and not is_placeholder(word) and word not in files]
 
 
 def unlicensed(root):
@@ -232,7 +295,7 @@ def unlicensed(root):
     return faults
 
 
-CHECKS = [unformatted, misplaced_pages, parts_left_out, lost_sources, left_out, other_versions, lost_names, index_differences,
+CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_links, lost_paths, lost_targets, index_differences,
           unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
           lost_recipes, unlicensed]
 
@@ -259,18 +322,22 @@ def small(source, tmp_path):
     """A tree of a module and its pages, without a fault."""
     for name, text in {
         "src/base/clock.c": "// SPDX-License-Identifier: Apache-2.0\n/* clock: the time. */\nint one(void)\n{\n    return 1;\n}\n",
-        "tests/clock.h": "// SPDX-License-Identifier: Apache-2.0\nint one(void);\n",
+        "tests/unit/clock.h": "// SPDX-License-Identifier: Apache-2.0\nint one(void);\n",
         "tests/README.md": "| `clock.h` |\n",
         "CONTRIBUTING.md": "`no/such`\n\n## Recipes\n\n`src/FOLDER/NOUN.c`, `base/clock`, `Makefile.am`, `/such`, `make time` and `clock >doc/guide.md`\n",
         "ARCHITECTURE.md": "# The start\nSee [the guide](doc/guide.md) and [above](#the-start) for `base/clock` and `no/such`.\n",
         file_index.PAGE: file_index.BEGIN + "\n## src/base\n\n| file | what it is |\n|---|---|\n| `clock.c` | the time |\n\n" + file_index.END,
         "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
-        "Makefile.am": "a_SOURCES = \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md doc/files.md tests/README.md\ntime: all\ninclude $(srcdir)/src/base/Makefile.inc\n",
-        "src/base/Makefile.inc": "a_SOURCES += %D%/clock.c\n",
-        "configure.ac": "AC_INIT([hexad], [1.2.3])\n",
-        "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3\n",
-        "clients/python/pyproject.toml": '[project]\nversion = "1.2.3"\n',
-        "clients/typescript/package.json": '{\n  "version": "1.2.3"\n}\n',
+        "Makefile.am": "include $(srcdir)/build-aux/files.mk\nEXTRA_DIST = $(distributed_files) measurements"
+                       " clients/python/pyproject.toml clients/typescript/package.json\ntime: all\n",
+        "src/base/Makefile.inc": "a_SOURCES += $(src_base)\n",
+        "tests/longest.txt": "",
+        "tools/file_index.py": "# SPDX-License-Identifier: Apache-2.0\n",
+        "tools/fragments.sh": re.sub(r"(?m)^#(?!!| SPDX).*\n", "", (source / "tools/fragments.sh").read_text()),
+        "configure.ac": "AC_INIT([hexad], [1.2.3~rc4])\n",
+        "CITATION.cff": "cff-version: 1.2.0\nversion: 1.2.3~rc4\n",
+        "clients/python/pyproject.toml": '[project]\nversion = "1.2.3rc4"\n',
+        "clients/typescript/package.json": '{\n  "version": "1.2.3-rc.4"\n}\n',
         ".clang-format": (source / ".clang-format").read_text(),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -281,17 +348,30 @@ def small(source, tmp_path):
 FAULTS = [
     (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
     (misplaced_pages, "PLANS.md", "A page outside the folders of pages.\n", "PLANS.md is not where pages are"),
-    (parts_left_out, "src/json/Makefile.inc", "a_SOURCES += %D%/json.c\n", "Makefile.am does not include src/json/Makefile.inc"),
-    (parts_left_out, "src/io/points/Makefile.inc", "a_SOURCES += %D%/ply.c\n", "Makefile.am does not include src/io/points/Makefile.inc"),
-    (lost_sources, "src/base/Makefile.inc", "a_SOURCES += %D%/clock.c %D%/gone.c\n", "Makefile.am names src/base/gone.c"),
-    (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
-    (lost_sources, "probe.c", "int new;\n", "Makefile.am does not name probe.c"),
-    (left_out, "tests/service/test_new.py", "", "Makefile.am does not name tests/service/test_new.py"),
-    (other_versions, "CITATION.cff", "cff-version: 1.2.3\nversion: 1.2.4\n", "CITATION.cff says version 1.2.4, configure.ac 1.2.3"),
-    (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
-    (lost_names, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
-    (lost_names, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md: there is no src/base/gone"),
-    (lost_names, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md: there is no src/base/core/clock"),
+    (left_out, "fuzz/new.c", "int new;\n", "no list of Makefile.am names fuzz/new.c"),
+    (left_out, "measurements/time/new.c", "int new;\n", "no list of Makefile.am names measurements/time/new.c"),
+    (left_out, "share/new.py", "", "no list of Makefile.am names share/new.py"),
+    (left_out, "src/json/json.c", "int new;\n", "fragments: src/json/json.c: there is no Makefile.inc"),
+    (other_versions, "CITATION.cff", "cff-version: 1.2.3~rc4\nversion: 1.2.3~rc3\n", "CITATION.cff has version 1.2.3~rc3, expected 1.2.3~rc4"),
+    (other_versions, "clients/python/pyproject.toml", 'version = "1.2.3~rc4"\n', "clients/python/pyproject.toml has version 1.2.3~rc4, expected 1.2.3rc4"),
+    (other_versions, "clients/typescript/package.json", '  "version": "1.2.3-rc4"\n',
+     "clients/typescript/package.json has version 1.2.3-rc4, expected 1.2.3-rc.4"),
+    (other_versions, "configure.ac", "AC_INIT([hexad], [1.2.3-rc4])\n", "configure.ac: 1.2.3-rc4 is neither N.N.N nor N.N.N~rcN"),
+    (lost_links, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
+    (lost_links, "doc/guide.md", "[back](../ARCHITECTURE.md#gone)\n", "doc/guide.md: the link to ../ARCHITECTURE.md#gone"),
+    (lost_links, "clients/README.md", "a picture:\n![a job](job.png \"a job\")\n", "clients/README.md: the link to job.png"),
+    (lost_paths, "doc/guide.md", "`base/gone` returns the time\n", "doc/guide.md:1: base/gone is nowhere"),
+    (lost_paths, "doc/guide.md", "`base/core/clock.c` returns the time\n", "doc/guide.md:1: base/core/clock is nowhere"),
+    (lost_paths, "doc/guide.md", "as tools/gone.py does,\nand tools/fragments.sh\n", "doc/guide.md:1: tools/gone.py is nowhere"),
+    (lost_paths, "doc/guide.md", "see `tools/g*.py`\n", "doc/guide.md:1: tools/g*.py is nowhere"),
+    (lost_paths, "src/base/new.c", "int src;\n// as doc/gone.md says\n", "src/base/new.c:2: doc/gone.md is nowhere"),
+    (lost_paths, "src/base/Makefile.inc", "x_SOURCES += %D%/gone.c\n", "src/base/Makefile.inc:1: src/base/gone.c is nowhere"),
+    (lost_paths, "tools/new.py", 'PAGE = "doc/gone.md"\n', "tools/new.py:1: doc/gone.md is nowhere"),
+    (lost_paths, "tests/new.sh", "# as share/gone does\n", "tests/new.sh:1: share/gone is nowhere"),
+    (lost_targets, "doc/guide.md", "`make -C build time\ngone A=1`\n", "doc/guide.md:1: there is no target gone of make"),
+    (lost_targets, "doc/guide.md", "```sh\nmake -j2 gone  # a word\n```\n", "doc/guide.md:2: there is no target gone of make"),
+    (lost_targets, "src/base/new.c", "/* new: time.\n   `make gone` writes it. */\n", "src/base/new.c:2: there is no target gone of make"),
+    (lost_targets, "tools/new.py", '"""New: `make gone` runs it."""\n', "tools/new.py:1: there is no target gone of make"),
     (index_differences, "src/base/new.h", "/* new: a new file. Any thread. */\n", "doc/files.md: +| `new.h` | a new file |"),
     (untimed_calls, ROUTES, '{.method = "GET", .name = "getTime"},\n', "routes.c: the row"),
     (untimed_calls, ROUTES, '{.method = "GET", .runs_in = ROUTE_POOL, .name = "getTime"},\n', f"{TIMES} has no times of getTime (-)"),
@@ -309,9 +389,7 @@ FAULTS = [
     (unlicensed, "tools/new.py", "#!/usr/bin/env python3\n\"\"\"New.\"\"\"\n# SPDX-License-Identifier: Apache-2.0\n", "tools/new.py: its first line"),
     (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
     (unnamed_tests, "tests/README.md", "`clock.h` and `gone.py`\n", "tests/README.md names gone.py"),
-    (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`src/base/gone.c`\n", "CONTRIBUTING.md: a recipe names src/base/gone.c"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`gone.h`\n", "CONTRIBUTING.md: a recipe names gone.h"),
-    (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`make time gone`\n", "CONTRIBUTING.md: there is no target gone"),
 ]
 
 
@@ -330,23 +408,22 @@ def test_a_fault_is_found(small, check, name, text, told):
 
 # ---- which test is in which tier
 
-TIERS = {  # variables of Makefile.am that list the files of each tier
-    "basic": ("longest_tests", "service_e2e_tests", "other_tests"),
+TIERS = {  # the lists of tools/fragments.sh that have the files of each tier
+    "basic": ("longest_tests", "other_tests"),
     "sanitized": ("sanitized_tests",),
     "extended": ("extended_tests", "campaign_tests"),
 }
 
 
 def listed_tests(root, variables):
-    text = (root / "Makefile.am").read_text().replace("\\\n", " ")
-    lists = re.findall(rf"^(?:{'|'.join(variables)}) \+?= (.*)$", text, re.M)
-    return {word for words in lists for word in words.split() if word.endswith(".py")}
+    return {word for words in re.findall(rf"^(?:{'|'.join(variables)}) =(.*)$", fragments(root), re.M) for word in words.split()}
 
 
 @pytest.fixture(scope="module")
 def files_by_tier(source):
     found = {tier: set() for tier in TIERS}
-    for place in ("tests/service", "tests/tools", "tests/crash", "tests/test_layers.py", "tests/test_source_tree.py"):  # equal names in two folders
+    places = ["tests/service", "tests/tools", "tests/crash", *sorted(str(p.relative_to(source)) for p in source.glob("tests/test_*.py"))]
+    for place in places:  # one at a time: there are equal names in two folders
         done = subprocess.run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "-q", "--tiers", place],
                               cwd=source, capture_output=True, text=True,
                               env={k: v for k, v in os.environ.items() if k not in ("HEXAD_TIER", "HEXAD_TAP_FD")})
@@ -361,5 +438,5 @@ def files_by_tier(source):
 
 @pytest.mark.extended
 @pytest.mark.parametrize("tier", TIERS)
-def test_makefile_lists_the_files_with_tests_of_a_tier(source, files_by_tier, tier):
+def test_lists_have_the_files_with_tests_of_a_tier(source, files_by_tier, tier):
     assert listed_tests(source, TIERS[tier]) == files_by_tier[tier]

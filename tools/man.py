@@ -99,6 +99,7 @@ def paragraph(lines):
 
 
 def header(name, section, about, version):
+    version = version.replace("~", "\\(ti")  # a plain ~ is an accent for groff
     return (f'.\\" Written by tools/man.py from what the programs say; `make man` writes it anew.\n'
             f'.TH {name.upper()} {section} {DATE} "{version}"\n.ad l\n.nh\n.SH NAME\n{escaped(name)} \\- {about}\n')
 

@@ -74,9 +74,10 @@ export type Task = {
  * them.
  */
 export type Notes = {
-  /** The share of the points that lie on no wall thinner than 1.2 spacings. Measures are over all points. */
-  resolved_share: number | null;
-  /** How regular the packing is; null for results of version 1.0. Ratings do not affect the outcome. */
+  /**
+   * How regular the packing is; null for results of builds without ratings. Ratings do not affect the
+   * outcome.
+   */
   ratings?: {[name: string]: {
     value: number | null;
     rating: "good" | "fair" | "poor" | null;

@@ -83,7 +83,7 @@ def row(worker, path):
     report, fault = run(worker, best["spec"])
     if fault:
         return describe(found), f"`{fault['code']}`: {fault['message']}", False
-    told = f"{100 * (1 - report['quality']['resolved_share']):.0f} % on thin walls"
+    told = f"{100 * report['quality']['thin_count'] / report['count']:.0f} % on thin walls"
     return describe(found), f"{report['count']} points, {report['outcome']}, {told}", report["count"] > 0
 
 

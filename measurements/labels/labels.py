@@ -105,7 +105,7 @@ def real(worker, folder, data, count, files):
         yield {"file": name, "points": str(count), "labels": len(report["surface"]["labels"]["materials"]),
                "interfaces": len(report["surface"]["labels"]["interfaces"]), "outcome": report["outcome"],
                "coverage_spacings": report["quality"]["coverage"], "hex_fraction": report["quality"]["hex_fraction"] or numpy.nan,
-               "thin_share": 1 - report["quality"]["resolved_share"], "open_edges": mesh["boundary_edges"] - mesh["rim_edges"],
+               "thin_share": report["quality"]["thin_count"] / report["count"], "open_edges": mesh["boundary_edges"] - mesh["rim_edges"],
                "closed_labels": " of ".join(map(str, closed_labels(report))),
                "memory_mib": report["peak_memory_bytes"] / 2 ** 20, "cpu_s": cpu}
 

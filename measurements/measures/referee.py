@@ -321,7 +321,7 @@ def compare(surface, report, points):
     """Reported and computed figures: by name (reported, computed) of numbers, or the largest difference of columns."""
     x, columns, h = points.position, points.columns, report["spacing"]
     size = points.spacing / h if "grading" in report else numpy.ones(points.count)
-    own = Particles(surface, x, points.alpha, size, report["sigma"], h)
+    own = Particles(surface, x, points.alpha, size, report["diagnostics"]["sigma"], h)
     step = own.steps_left()[own.smooth]
     energies = own.energies()
     # at a sharp edge, and where a curvature jumps, a point is on one side by rounding alone
@@ -337,8 +337,8 @@ def compare(surface, report, points):
     inner = own.away_from_rims
     return {
         "columns": {name: difference(ours[calm], theirs[calm]) for name, (ours, theirs) in columns_of.items()},
-        "numbers": {"step": (report["step_left"], float(numpy.sqrt((step ** 2).mean()))),
-                    "energy": (report["energy"]["mean"], float(energies[inner].sum() / points.alpha[inner].sum()))},
+        "numbers": {"step": (report["diagnostics"]["step_left"], float(numpy.sqrt((step ** 2).mean()))),
+                    "energy": (report["diagnostics"]["energy"]["mean"], float(energies[inner].sum() / points.alpha[inner].sum()))},
         "rms_step": report["sweeps"][-1]["rms_step"],
         "outcome": report["outcome"],
     }

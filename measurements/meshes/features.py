@@ -150,7 +150,7 @@ def measure(given, report, result, spacing):
     angles = least_angles(vertices, triangles)
     share = float((angles > LEAST_ANGLE).mean())
     distance = farthest(given, meshes.Mesh(vertices, triangles), spacing)
-    thin = report["quality"]["unresolved_count"]  # points within 1.2 spacings of an opposite wall
+    thin = report["quality"]["thin_count"]  # points within 1.2 spacings of an opposite wall
     whole = after.manifold and after.genus == before.genus and after.parts == before.parts
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
     return ((f"{report['count']}", True), (report["outcome"].replace("_", " "), report["outcome"] == "converged"),

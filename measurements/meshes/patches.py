@@ -308,7 +308,7 @@ def run(case, worker, count, seed, work):
     diagonal = float(numpy.linalg.norm(numpy.ptp(case.mesh.vertices, axis=0)))
     found = examine(case, report, measure.read_ply(work / "out" / "points.ply"), made, diagonal)
     found["cpu"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    found["unresolved"] = 100 * report["quality"]["unresolved_count"] / report["count"]
+    found["unresolved"] = 100 * report["quality"]["thin_count"] / report["count"]
     reasons = [reason["criterion"] for reason in report["outcome_reasons"]]
     return (report["outcome"].replace("_", " ") + (f" ({', '.join(reasons)})" if reasons else "")), found
 

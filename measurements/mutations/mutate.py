@@ -42,7 +42,7 @@ PYTEST = [sys.executable, "-B", "-m", "pytest", "-p", "no:cacheprovider", "-q", 
 REQUIRED = ["src/sampling/solver/passes/pin.c", "src/sampling/solver/passes/fill_gaps.c", "src/sampling/solver/description.c", "src/sampling/solver/level.c",
             "src/job/source/mesh_projection.c"]
 SKIP = ("test_web_page test_slurm test_farm test_soak test_fuzz test_generated_clients test_bench test_serving "
-        "test_source_tree test_reproduce test_packages tools/test_sharing").split()
+        "test_source_tree test_reproduce test_packages tests/tools/test_sharing").split()
 BATCH_SECONDS = [5, 20, 60, 180]  # tests of one pytest process, by their measured time; the last one repeats
 NEW_TEST_LIMIT = 3600             # seconds of a test whose time has not been measured
 TIERS = ("basic", "extended")
@@ -445,7 +445,7 @@ class Copy:
         self.synchronise()
         self.log.write_text("")
         if not (self.source / "configure").exists():
-            require(run_quietly(["autoreconf", "-fi"], self.log, cwd=self.source), "autoreconf", self.log)
+            require(run_quietly(["sh", "-c", "tools/fragments.sh && autoreconf -fi"], self.log, cwd=self.source), "autoreconf", self.log)
         if not (self.build / "Makefile").exists():
             flags = SANITIZERS if self.options.survivors else ["CFLAGS=-O1", "CXXFLAGS=-O1"]
             require(run_quietly(["../source/configure", "-q", f"CC={self.options.cc}", f"CXX={self.options.cxx}", *flags],

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the paper's method with amplitudes by curvature on many surfaces, and writes what became of each as a page.
+"""Runs the paper's method with amplitudes by curvature on many surfaces, and writes the outcome of each.
 
-    measurements/paper/paper_method.py --worker build/hexad-worker --output measurements/paper/paper_method.md [--reference WORKER]
+    measurements/paper/paper_method.py --worker build/hexad-worker --output measurements/paper/paper_method.csv [--reference WORKER]
                           [--seeds 5] [--reference-seeds 5] [--jobs N] [--only WORD ...]
 
-The surfaces are those of paper_method.json; files are below HEXAD_SHARED. Each is sampled at the least count of LADDER that
-resolves it for all seeds. With --reference the same jobs run through another worker as well, and
-the page compares processor times. Ends with 1 when less came to rest than BOUNDS ask for.
+The surfaces are those of paper_method.json; files are below HEXAD_SHARED. Each is sampled with the least count of LADDER that
+resolves it for all seeds. With --reference the same jobs also run through another worker, and the results have its outcomes and
+CPU times. Ends with 1 if less converged than BOUNDS require.
 """
 import argparse
 import concurrent.futures
@@ -20,12 +20,18 @@ import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "common"))
+
+import results  # noqa: E402
+
+HEADER = ["surface", "group", "points", "thin_wall_percent", "converged_seeds", "seeds", "hex_fraction", "cpu_s", "reasons"]
+REFERENCE_HEADER = ["reference_converged_seeds", "reference_seeds", "reference_cpu_s"]
 LADDER = (1000, 2000, 4000, 8000, 16000, 32000, 64000, 100000)
-# How many points a surface gets that none of them resolves; none of them itself.
+# Count for a surface that no count of LADDER resolves; not itself in LADDER.
 OTHERWISE = 8001
-# The share of the points that may be unresolved at a count that resolves a surface.
+# Maximum share of the points on thin walls at a count that resolves a surface.
 RESOLVED = 0.02
-RESULTS = {0: "converged", 11: "unresolved", 10: "not_converged"}
+OUTCOMES = {0: "converged", 11: "unresolved", 10: "not_converged"}
 # Of each group: surfaces whose seeds must all converge, or single runs.
 BOUNDS = {"meshes": ("surfaces", 22), "others": ("runs", 58)}
 
@@ -36,7 +42,7 @@ def spec_of(surface, count, seed):
 
 
 def run(worker, spec):
-    """(report or None, processor seconds, outcome or the error's words) of one job."""
+    """(report or None, CPU seconds, outcome or message of the error) of one job."""
     with tempfile.TemporaryDirectory() as where:
         child = subprocess.Popen([worker, "run", "-", "--output", where], stdin=subprocess.PIPE,
                                  stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
@@ -46,23 +52,24 @@ def run(worker, spec):
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
         seconds = usage.ru_utime + usage.ru_stime
-        if child.returncode not in RESULTS:
+        if child.returncode not in OUTCOMES:
             return None, seconds, (said.strip().splitlines() or [f"exit {child.returncode}"])[-1][:120]
         report = json.loads((pathlib.Path(where) / "report.json").read_text())
-        return report, seconds, RESULTS[child.returncode]
+        return report, seconds, OUTCOMES[child.returncode]
 
 
 def share_of(report):
-    return report["quality"]["unresolved_count"] / report["count"]
+    quality = report["quality"]  # a reference build may call the member unresolved_count
+    return quality.get("thin_count", quality.get("unresolved_count")) / report["count"]
 
 
 def is_resolved(report):
-    """Few points are unresolved, and no place is bare: a slot narrower than the spacing may be without points."""
+    """Few points lie on thin walls, and no place is uncovered: a slot narrower than the spacing may be without points."""
     return share_of(report) <= RESOLVED and all(reason["criterion"] != "coverage" for reason in report["outcome_reasons"])
 
 
 def runs_at(worker, surface, count, seeds):
-    """Runs of the paper's method; none after one that the count does not resolve, unless it is OTHERWISE."""
+    """Runs of the paper's method. The first run that the count does not resolve is the last one, unless the count is OTHERWISE."""
     runs = []
     for seed in range(seeds):
         runs.append(run(worker, spec_of(surface, count, seed + 1)))
@@ -72,7 +79,7 @@ def runs_at(worker, surface, count, seeds):
 
 
 def measure(surface, options):
-    """(count, largest share unresolved, runs, runs of the reference), at the least count of LADDER that resolves the surface for
+    """(count, largest share of points on thin walls, runs, runs of the reference), at the least count of LADDER that resolves the surface for
     all seeds, or else at OTHERWISE."""
     for count in (*LADDER, OTHERWISE):
         runs = runs_at(options.worker, surface, count, options.seeds)
@@ -94,65 +101,62 @@ def located(surface, data):
 
 
 def rested(outcome, resolvable):
-    """At rest: in order, or without order where no count resolves the surface."""
+    """Whether an outcome counts as converged: `unresolved` does where no count resolves the surface."""
     return outcome == "converged" or (outcome == "unresolved" and not resolvable)
 
 
 def row_of(case, count, share, here, there):
+    """(seeds that converged, row of the results)."""
     resolvable = count != OTHERWISE
-    at_rest = sum(rested(outcome, resolvable) for _, _, outcome in here)
+    converged = sum(rested(outcome, resolvable) for _, _, outcome in here)
     reports = [report for report, _, _ in here if report]
-    seconds = statistics.median(s for _, s, _ in here)
     reasons = sorted({f"{outcome}: " + ", ".join(f"{r['criterion']} {r['value']:.3g} (bound {r['bound']:.3g})"
                                                 for r in report["outcome_reasons"])
                       for report, _, outcome in here if report and not rested(outcome, resolvable)} |
                      {outcome for report, _, outcome in here if not report})
     hexagons = [r["quality"]["hex_fraction"] for r in reports if r["quality"]["hex_fraction"] is not None]
-    cells = [case["name"], str(count), f"{100 * share:.2g}", f"{at_rest} of {len(here)}",
-             f"{statistics.median(hexagons):.3f}" if hexagons else "-", f"{seconds:.2f}"]
+    row = [case["name"], case["group"], count, f"{100 * share:.2g}", converged, len(here),
+           f"{statistics.median(hexagons):.3f}" if hexagons else None, f"{statistics.median(s for _, s, _ in here):.2f}",
+           "; ".join(reasons)]
     if there:
-        before = statistics.median(s for _, s, _ in there)
-        seconds = statistics.median(s for _, s, _ in here[:len(there)])
-        cells += [f"{sum(o == 'converged' for _, _, o in there)} of {len(there)}", f"{before:.2f}", f"{seconds / before:.2f}"]
-    return at_rest, "| " + " | ".join([*cells, "; ".join(reasons)]) + " |"
+        row += [sum(o == "converged" for _, _, o in there), len(there), f"{statistics.median(s for _, s, _ in there):.2f}"]
+    return converged, row
 
 
-def page(cases, options, pool):
+def rows_of(cases, options, pool):
+    """(rows of the results, missed bounds). Prints each row and a summary."""
     jobs = [pool.submit(measure, case["surface"], options) for case in cases]
-    lines, faults, spent = [], [], [0.0, 0.0]
+    rows, faults, spent = [], [], [0.0, 0.0]
     for group, (unit, least) in BOUNDS.items():
         if not any(case["group"] == group for case in cases):
             continue
-        head = ["surface", "points", "on thin walls %", "converged", "hex_fraction", "CPU s"]
-        head += ["reference converged", "reference CPU s", "ratio"] if options.reference else []
-        lines += ["", f"## {group}", "", "| " + " | ".join([*head, "reasons"]) + " |", "|---" * (len(head) + 1) + "|"]
         whole, runs, ended = 0, 0, 0
         for case, job in zip(cases, jobs):
             if case["group"] != group:
                 continue
             count, share, here, there = job.result()
-            at_rest, line = row_of(case, count, share, here, there)
-            whole, runs, ended = whole + (at_rest == options.seeds), runs + at_rest, ended + 1
-            for k, results in enumerate([here[:len(there)], there]):
-                spent[k] += sum(seconds for _, seconds, _ in results)
-            lines.append(line)
-            print(line, file=sys.stderr, flush=True)
-        lines += ["", f"All seeds converged: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs."]
+            converged, row = row_of(case, count, share, here, there)
+            whole, runs, ended = whole + (converged == options.seeds), runs + converged, ended + 1
+            for k, ran in enumerate([here[:len(there)], there]):
+                spent[k] += sum(seconds for _, seconds, _ in ran)
+            rows.append(row)
+            print(*row, flush=True)
+        print(f"{group}: all seeds converged on {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs converged", flush=True)
         if not options.only and (whole if unit == "surfaces" else runs) < least:
             faults.append(f"{group}: fewer {unit} converged than {least}")
     if options.reference:
-        lines += ["", f"CPU time of the runs that both builds made: {spent[0]:.0f} s; of the reference {spent[1]:.0f} s."]
-    return lines, faults
+        print(f"CPU time of the runs that both builds made: {spent[0]:.0f} s; of the reference {spent[1]:.0f} s")
+    return rows, faults
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worker", required=True, type=os.path.abspath)
-    parser.add_argument("--reference", type=os.path.abspath, help="another worker, for its processor time")
+    parser.add_argument("--reference", type=os.path.abspath, help="another worker, for its outcomes and CPU times")
     parser.add_argument("--output", required=True, type=pathlib.Path)
     parser.add_argument("--seeds", default=5, type=int)
-    parser.add_argument("--reference-seeds", default=5, type=int, help="how many of them the other worker runs")
-    parser.add_argument("--jobs", default=1, type=int, help="how many run at a time")
+    parser.add_argument("--reference-seeds", default=5, type=int, help="seeds of the other worker")
+    parser.add_argument("--jobs", default=1, type=int, help="jobs at the same time")
     parser.add_argument("--only", nargs="*", default=[])
     options = parser.parse_args()
     data = pathlib.Path(os.environ.get("HEXAD_SHARED", HERE.parents[2] / "shared" / "data"))
@@ -160,13 +164,8 @@ def main():
              for group, listed in json.loads((HERE / "paper_method.json").read_text()).items() for case in listed
              if not options.only or any(word in case["name"] for word in options.only)]
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        lines, faults = page(cases, options, pool)
-    head = ["# The paper's method on many surfaces", "",
-            "`make paper-method` ([paper_method.py](paper_method.py)) runs the method `paper` with `alpha`, d = 2, on one "
-            f"thread with {options.seeds} seeds. Each surface has the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % "
-            "of the points lie on walls thinner than 1.2 spacings with every seed. A surface without such a count",
-            f"has {OTHERWISE} points, and the outcome `unresolved` counts as converged. Times are medians of CPU seconds."]
-    options.output.write_text("\n".join(head + lines) + "\n")
+        rows, faults = rows_of(cases, options, pool)
+    results.write(options.output, HEADER + (REFERENCE_HEADER if options.reference else []), rows)
     for fault in faults:
         print(fault, file=sys.stderr)
     return 1 if faults else 0

@@ -219,7 +219,7 @@ def run_alone(worker, shared, where):
                 points, report = run_frame(worker, spec, number, where / "alone", None)
                 hexes = measure.measure(points, report["surface"]["area"])["hex_fraction"]
                 rows.append((number, density, count, report["spacing"] / VOXEL,
-                             report["quality"]["unresolved_count"] / count, hexes))
+                             report["quality"]["thin_count"] / count, hexes))
                 print("alone", rows[-1], flush=True)
     return rows
 

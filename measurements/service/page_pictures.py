@@ -50,6 +50,8 @@ def jobs_of(service, token):
     jobs = {
         "job": submit(trefoil),
         "rough": submit(sphere(name="graded torus", surface=torus, sampling={"count": 1500}, solver={"max_sweeps": 40})),
+        "graded": submit({"version": 1, "name": "graded quartic", "surface": {"analytic": {"shape": "quartic"}},
+                          "sampling": {"count": 6000, "curvature": {"ratio": 6}}}),
         "failed": submit({"version": 1, "name": LONG_NAME, "surface": {"bspline": {"dims": [4, 4, 4], "coefficients": [1] * 64}},
                           "sampling": {"count": 100}}),
         "array": submit(sphere(name="film", queue={"frames": "1-24", "by_frame": {
@@ -82,7 +84,8 @@ def views_of(jobs):
              "more": ("#/submit", ".estimate dl", "document.querySelectorAll('details').forEach(part => { part.open = true; })", "details[open]"),
              "compare": (f"#/compare/{jobs['job']}/{jobs['rough']}", ".stats", None, None),
              "film": (f"#/jobs/{jobs['array']}/points", ".stats", None, None),
-             "points": (f"#/jobs/{jobs['job']}/points", ".stats", None, None),
+             "points": (f"#/jobs/{jobs['graded']}/points", ".stats", """const by = document.querySelector(".controls select");
+                 by.value = "spacing"; by.dispatchEvent(new Event("change", {bubbles: true}));""", ".legend"),
              "neighbours": (f"#/jobs/{jobs['rough']}/points", ".stats", """const by = document.querySelector(".controls select");
                  by.value = "neighbours"; by.dispatchEvent(new Event("change", {bubbles: true}));""", ".legend .hint"),
              "lost": ("#/nothing", "h1", None, None)}

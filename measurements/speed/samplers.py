@@ -136,7 +136,7 @@ class Hexad:
             raise Failed(f"failed with {took['code']}: {took['said']}")
         report = json.loads((job / "report.json").read_text(encoding="utf-8"))
         took["told"] = report["timing_s"]
-        took["isa"], took["outcome"] = report["isa"], report["outcome"]
+        took["isa"], took["outcome"] = report["diagnostics"]["isa"], report["outcome"]
         took["sha256"] = hashlib.sha256((job / "points.ply").read_bytes()).hexdigest()
         places, took["requested"] = read_ply(job / "points.ply")
         return places, took

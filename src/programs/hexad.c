@@ -38,6 +38,7 @@
 #include "service/config/config.h"
 #include "service/database/checker.h"
 #include "service/executor/estimator.h"
+#include "service/executor/cache.h"
 #include "service/executor/executor.h"
 #include "service/executor/host.h"
 #include "service/executor/local.h"
@@ -579,6 +580,10 @@ static bool init_executor(service *s, error *e)
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
+    if (settings.cache && !cache_identifies_build())
+        log_write(LOG_LEVEL_INFO, "this build of " PACKAGE_VERSION
+                                  " has no commit: results of other builds of this version are "
+                                  "reused. Build a clone or a release tarball, or set cache = 0");
     s->x = executor_open(&settings, s->q, s->tasks, e);
     if (!s->x) farm_close(s->farm);
     return s->x != NULL;

@@ -247,11 +247,9 @@ void group_read(reading *r, const json_at *at, const char *group, json *normal)
         reading_add_mismatch(r, at, "must be an object");
         return;
     }
-    size_t count = 0;
-    const spec_row *const *rows = spec_rows_of(group, &count);
     unsigned skipped = rules_check_names(r, at, group);
-    for (size_t i = 0; i < count; i++)
-        if (!(skipped & 1u << rows[i]->choice)) group_read_row(r, at, rows[i], normal);
+    for (const spec_row *row = NULL; (row = spec_row_next(group, row));)
+        if (!(skipped & 1u << row->choice)) group_read_row(r, at, row, normal);
     note_surface(r, at, group);
     if (r->total == before) rules_check_group(r, at, group);
     r->complete = !*group;

@@ -48,12 +48,11 @@ static const char *suggestion(const char *group, const char *key)
 /* Lists the members of a group. False: the list does not fit into a message. */
 static bool list_members(const char *group, char list[READING_SHOWN_MAX])
 {
-    size_t count, used = 0;
-    const spec_row *const *row = spec_rows_of(group, &count);
-    for (size_t i = 0; i < count && used < READING_SHOWN_MAX; i++)
-        used += (size_t)snprintf(list + used, READING_SHOWN_MAX - used, "%s%s", i ? ", " : "",
-                                 spec_row_key(row[i]));
-    return count > 0 && used < READING_SHOWN_MAX;
+    size_t used = 0;
+    for (const spec_row *row = NULL; used < READING_SHOWN_MAX && (row = spec_row_next(group, row));)
+        used += (size_t)snprintf(list + used, READING_SHOWN_MAX - used, "%s%s", used ? ", " : "",
+                                 spec_row_key(row));
+    return used > 0 && used < READING_SHOWN_MAX;
 }
 
 static void unknown_member(reading *r, const json_at *at, const char *group)
@@ -91,12 +90,10 @@ static void append(char *list, size_t size, const char *word)
 static void refuse_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
 {
     char all[192] = "", given[192] = "";
-    size_t count = 0;
-    const spec_row *const *row = spec_rows_of(group, &count);
-    for (size_t i = 0; i < count; i++) {
-        if (row[i]->choice != choice) continue;
-        append(all, sizeof all, spec_row_key(row[i]));
-        if (json_member(at, spec_row_key(row[i])).node) append(given, sizeof given, spec_row_key(row[i]));
+    for (const spec_row *row = NULL; (row = spec_row_next(group, row));) {
+        if (row->choice != choice) continue;
+        append(all, sizeof all, spec_row_key(row));
+        if (json_member(at, spec_row_key(row)).node) append(given, sizeof given, spec_row_key(row));
     }
     reading_add_fault(r, at, "give %s one of %s (given %s)",
                       choice >= SPEC_CHOICE_GRADING ? "at most" : "exactly", all, *given ? given : "none");
@@ -111,13 +108,12 @@ static bool is_half_a_box(const json_at *at, spec_choice choice)
 /* Returns the choices of which more than one member is given. */
 static unsigned check_choices(reading *r, const json_at *at, const char *group)
 {
-    size_t count = 0, rows[SPEC_CHOICE_COUNT] = {0}, given[SPEC_CHOICE_COUNT] = {0};
-    const spec_row *const *row = spec_rows_of(group, &count);
+    size_t rows[SPEC_CHOICE_COUNT] = {0}, given[SPEC_CHOICE_COUNT] = {0};
     unsigned several = 0;
-    for (size_t i = 0; i < count; i++) {
-        if (row[i]->choice == SPEC_CHOICE_NONE) continue;
-        rows[row[i]->choice]++;
-        given[row[i]->choice] += json_member(at, spec_row_key(row[i])).node != NULL;
+    for (const spec_row *row = NULL; (row = spec_row_next(group, row));) {
+        if (row->choice == SPEC_CHOICE_NONE) continue;
+        rows[row->choice]++;
+        given[row->choice] += json_member(at, spec_row_key(row)).node != NULL;
     }
     for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) {
         if (given[c] > 1) several |= 1u << c;

@@ -2,7 +2,6 @@
 /* The table is one array on purpose, so this file may grow past the length of others. */
 #include "spec/spec_table.h"
 
-#include <pthread.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -1919,68 +1918,37 @@ const char *spec_row_key(const spec_row *row)
 
 bool spec_row_is_member(const spec_row *row, const char *group)
 {
-    size_t n = strlen(group);
-    return strncmp(row->pointer, group, n) == 0 && row->pointer + n + 1 == spec_row_key(row);
+    const size_t n = strlen(group);
+    return strncmp(row->pointer, group, n) == 0 && row->pointer[n] == '/' &&
+           !strchr(row->pointer + n + 1, '/');
 }
 
-/* Rows by their group. A group's members are looked for with each object of each spec. */
-enum { GROUP_PLACES = 256 }; /* of a hash table; more than twice the groups */
-
-static struct {
-    pthread_once_t once;
-    const spec_row **row; /* those of one group after another */
-    struct group {
-        const char *pointer; /* NULL: free */
-        size_t first, count;
-    } group[GROUP_PLACES];
-} by_group = {.once = PTHREAD_ONCE_INIT};
-
-/* The place of a group, or the free place for it. */
-static struct group *find_group(const char *pointer)
+/* The first row below a group that a row names. Its pointer is mostly that of the row, not a copy. */
+static const spec_row *first_below(const char *group)
 {
-    uint32_t hash = 2166136261u; /* FNV-1a */
-    for (const char *t = pointer; *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
-    while (by_group.group[hash % GROUP_PLACES].pointer &&
-           strcmp(by_group.group[hash % GROUP_PLACES].pointer, pointer) != 0)
-        hash++;
-    return &by_group.group[hash % GROUP_PLACES];
+    const spec_row *end = spec_rows + spec_row_count, *row = spec_rows;
+    if (!*group) return row;
+    while (row < end && row->pointer != group) row++;
+    if (row == end)
+        for (row = spec_rows; row < end && strcmp(row->pointer, group) != 0;) row++;
+    return row < end ? row + 1 : end;
 }
 
-static void add_group(const char *pointer, size_t *used)
+const spec_row *spec_row_next(const char *group, const spec_row *last)
 {
-    struct group *g = find_group(pointer);
-    *g = (struct group){.pointer = pointer, .first = *used};
-    for (size_t i = 0; i < spec_row_count; i++)
-        if (spec_row_is_member(&spec_rows[i], pointer)) by_group.row[*used + g->count++] = &spec_rows[i];
-    *used += g->count;
-}
-
-static void sort_rows(void)
-{
-    static const spec_row *rows[sizeof spec_rows / sizeof *spec_rows];
-    size_t used = 0;
-    by_group.row = rows;
-    add_group("", &used);
-    for (size_t i = 0; i < spec_row_count; i++)
-        if (spec_rows[i].type == SPEC_TYPE_GROUP || spec_rows[i].type == SPEC_TYPE_GROUPS)
-            add_group(spec_rows[i].pointer, &used);
-}
-
-const spec_row *const *spec_rows_of(const char *group, size_t *count)
-{
-    pthread_once(&by_group.once, sort_rows);
-    const struct group *g = find_group(group);
-    *count = g->count;
-    return g->pointer ? by_group.row + g->first : NULL;
+    const size_t n = strlen(group);
+    const spec_row *row = last ? last + 1 : first_below(group), *end = spec_rows + spec_row_count;
+    for (; row < end && strncmp(row->pointer, group, n) == 0 && row->pointer[n] == '/'; row++)
+        if (!strchr(row->pointer + n + 1, '/')) return row;
+    return NULL;
 }
 
 const spec_row *spec_row_find(const char *group, const char *key)
 {
-    size_t count = 0;
-    const spec_row *const *row = spec_rows_of(group, &count);
-    for (size_t i = 0; i < count; i++)
-        if (strcmp(spec_row_key(row[i]), key) == 0) return row[i];
-    return NULL;
+    const spec_row *row = NULL;
+    while ((row = spec_row_next(group, row)))
+        if (strcmp(spec_row_key(row), key) == 0) break;
+    return row;
 }
 
 static void print_values(FILE *file, const spec_row *row)

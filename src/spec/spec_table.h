@@ -95,9 +95,9 @@ extern const size_t spec_row_count;
 /* The row of a group's member, NULL if there is none. `group` is a pointer ("" is the root). */
 const spec_row *spec_row_find(const char *group, const char *key);
 
-/* The rows of a group's members, in their order, for any group that has a row, and for "". NULL: there is no
- * such group. */
-const spec_row *const *spec_rows_of(const char *group, size_t *count);
+/* The row of the group's member after `last`, in the order of the table; NULL as `last`: the first one. Returns
+ * NULL behind the last member. The rows below a group follow its own row. */
+const spec_row *spec_row_next(const char *group, const spec_row *last);
 
 /* Whether the row is a direct member of the group. */
 bool spec_row_is_member(const spec_row *row, const char *group);

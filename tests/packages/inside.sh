@@ -35,14 +35,14 @@ job = hexad.Client().submit({"version": 1, "surface": {"analytic": {"shape": "sp
 assert job.outcome == "converged" and job.points().count == 500'
 }
 
-# As if 0.1.0 had been installed by hand: what it left, and no more.
+# As if an earlier build had been installed by hand: its state, and no more.
 takes_over_a_state() {
     systemctl stop hexad.socket hexad.service
     rm -rf /var/lib/hexad/*
     cp -r /srv/state/. /var/lib/hexad
     chown -R hexad:hexad /var/lib/hexad
     systemctl start hexad.socket
-    hexadctl list | tee list && [ "$(grep -c . list)" = 11 ] &&
+    hexadctl list | tee list && [ "$(grep -c . list)" = 14 ] &&
         sent=$(awk '/ sent$/ { print $1 }' list) && hexadctl fetch "$sent" --output sent && test -s sent/points.ply &&
         until_true sh -c "hexadctl list | grep ' runs$' | grep -q succeeded"
 }
@@ -71,7 +71,7 @@ is_removed() {
         ! command -v hexad && test -f /etc/hexad.conf && test -f /var/lib/hexad/queue.db
 }
 comes_back() {
-    install /srv/new/*.deb && hexadctl list | tee list && [ "$(grep -c . list)" -ge 12 ] && grep -q '^drain_s = 1' /etc/hexad.conf
+    install /srv/new/*.deb && hexadctl list | tee list && [ "$(grep -c . list)" -ge 15 ] && grep -q '^drain_s = 1' /etc/hexad.conf
 }
 
 # Left are the user and what others keep of it.
@@ -92,7 +92,7 @@ check "the packages are installed" install /srv/earlier/*.deb
 check "socket and service are enabled" is_enabled
 check "a job by hexadctl" runs_a_job
 check "a job by Python" runs_a_job_of_python
-check "the state of 0.1.0 is taken over" takes_over_a_state
+check "the state of an earlier build is taken over" takes_over_a_state
 check "an upgrade goes on with running jobs and keeps settings" is_upgraded
 check "hexad-worker works without the daemon" works_without_the_daemon
 check "a removal ends the service and keeps settings and state" is_removed

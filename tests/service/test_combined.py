@@ -547,7 +547,7 @@ def test_points_on_new_places_find_their_rest(sample):
     pair = {"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}
     report, _ = sample(pair, sampling={"count": 300}, solver={"threads": 1, "seed": 4})
     assert report["quality"]["removed_offsurface"] > 0
-    assert report["step_left"] <= report["spec"]["solver"]["step_tolerance"]
+    assert report["diagnostics"]["step_left"] <= report["spec"]["solver"]["step_tolerance"]
     assert report["outcome"] == "converged"  # both spheres are covered, and points at the contact are on opposite walls
 
 

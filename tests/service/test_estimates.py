@@ -33,7 +33,7 @@ def test_it_is_what_the_job_comes_to(estimate, worker, tmp_path, sampling):
     found = estimate(spec, "--threads", 1)
     assert worker(spec, "--threads", 1).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert found["count"] == report["count"] and found["threads"] == report["threads"]
+    assert found["count"] == report["count"] and found["threads"] == report["diagnostics"]["threads"]
     assert found["area"] == report["surface"]["area"]
     assert found["bounding_box"] == report["surface"]["bounding_box"]
     assert found["seconds"] > 0 and found["seconds_missing"] is None

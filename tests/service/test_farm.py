@@ -18,7 +18,7 @@ import farm as crash_farm  # noqa: E402
 from service import long_sphere, sphere, wait_until
 from slurm_farm import all_ended, array, attempts, attempts_of_frames, make_footage, needs_slurm, on_nodes, points, wait_running
 
-pytestmark = [pytest.mark.extended, needs_slurm]
+pytestmark = [pytest.mark.extended, pytest.mark.campaign, needs_slurm]
 MOVES = {"rename", "renameat", "renameat2"}
 
 

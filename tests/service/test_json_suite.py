@@ -8,6 +8,8 @@ import pytest
 
 from service import PATIENCE_S, sphere
 
+pytestmark = pytest.mark.extended  # all need the shared data
+
 # Valid JSON by the grammar, but refused by src/base/json on purpose: of two members with one name readers
 # disagree which counts, and a NUL would end the text for whoever reads it in C.
 STRICTER = {"y_object_duplicated_key.json", "y_object_duplicated_key_and_value.json",

@@ -337,58 +337,6 @@ def test_a_damaged_instance_file_is_refused(place):
     assert tree(service.state / "results") == before
 
 
-def test_a_state_directory_of_version_0_1(new_service):
-    """Its database says nothing of instances: it is given one, and everything stays."""
-    service = new_service().start()
-    jobs = finished(service, 2)
-    frames = service.submit(sequence("1-2"))
-    service.wait_state(frames, "succeeded")
-    service.end()
-    with sqlite3.connect(service.state / "queue.db") as database:
-        database.executescript("DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"
-                               "DROP TABLE copy; ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE removed_events;"
-                               + "".join(f"ALTER TABLE spec DROP COLUMN {name};"
-                                         for name in ("timeout_ms", "stall_ms", "directory", "cache_key"))
-                               + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
-                               + "ALTER TABLE job DROP COLUMN unresolved;"
-                               + "".join(f"DROP TRIGGER job_{does};" for does in
-                                         ("comes", "turns", "goes", "leaves", "is_adopted", "is_deleted"))
-                               + "".join(f"DROP INDEX job_{which};" for which in ("leaving", "leaving_of", "unmeasured", "undelivered"))
-                               + "".join(f"ALTER TABLE job DROP COLUMN {name};"
-                                         for name in ("result_bytes", "delivered", "delivered_ms"))
-                               + "DROP INDEX job_copying; DROP TABLE output;"
-                               + "".join(f"ALTER TABLE {table} DROP COLUMN {name};" for table, name in
-                                         (("job", "copy_state"), ("job", "copy_code"), ("job", "copy_message"),
-                                          ("task", "copy_code"), ("task", "copy_message")))
-                               + "ALTER TABLE task DROP COLUMN is_delivered; DROP TABLE usage;"
-                               + "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
-                               + "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
-                               + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name;"
-                               + "DROP INDEX job_by_priority; DROP INDEX job_by_time;"
-                               + "DROP INDEX job_ready; DROP INDEX task_ready; DROP INDEX task_held;"
-                               + "".join(f"ALTER TABLE {table} DROP COLUMN {name};" for table, name in
-                                         (("job", "accept"), ("job", "max_running"), ("job", "held"), ("job", "first_held"),
-                                          ("job", "chunk"), ("job", "chunks_busy"), ("job", "cached_shown"),
-                                          ("task", "waits"), ("dependency", "by_frame")))
-                               + "CREATE INDEX job_ready ON job (owner); CREATE INDEX task_ready ON task (job);"
-                               + "ALTER TABLE dependency DROP COLUMN any_end; PRAGMA user_version = 4;")
-    database.close()
-    before = tree(service.state / "results")
-    instance = service.state / "instance"
-    name = instance.read_text()
-    words = refused(service)  # a backup from before, put into a directory that has a name
-    assert name.strip() in words and "--adopt" in words
-    instance.unlink()
-    service.start()
-    assert instance.read_text() != name and not logged(service, " warning ")
-    assert tree(service.state / "results") == before
-    for job in jobs:
-        assert served(service, job)
-    service.end()
-    service.start()
-    assert not logged(service, " warning ") and tree(service.state / "results") == before
-
-
 ODD = ["a file", ".hidden", "new\nline", "\udcff\udcfe", "x" * 255, "0123456789abcdefghjkmnpqrs.01",
        "0123456789abcdefghjkmnpqrs.1.2.3", "zzzzzzzzzzzzzzzzzzzzzzzzzz", "0123456789abcdefghjkmnpqrs.4294967297"]
 

@@ -11,6 +11,8 @@ from readers import Points
 from reference import Reference
 from service import sphere
 
+pytestmark = pytest.mark.extended  # all need the shared data
+
 # Long jobs beside others on a machine that may be busy, with sanitizers at that.
 JOB_PATIENCE_S = 900
 # What 99 % of the points must keep to, and what the rest may not pass: of the smallest voxel edge.
@@ -343,7 +345,7 @@ def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, na
         assert hashlib.sha256(points).hexdigest() == listed["points.ply"]
         sums.append(listed)
     report = data_service.get(f"/v1/jobs/{jobs[2]}/results/report.json").json
-    assert report["threads"] == 8
+    assert report["diagnostics"]["threads"] == 8
     diagnose(f"{name}: {report['count']} points, {len(report['sweeps'])} sweeps, {sums[0]['points.ply'][:16]}")
     assert sums[0] == sums[1], "the same job twice"
     assert sums[0] == sums[2], "another number of threads"

@@ -951,3 +951,16 @@ def test_an_audit_finds_no_barrier(closed_service, browser, audit):
         browser.open(closed_service, where)
         browser.one(there)
         audit()
+
+
+def test_reports_of_earlier_builds_are_read(service, browser):
+    """They have the members of `diagnostics` beside it."""
+    browser.open(service)
+    found = browser.driver.execute_async_script("""
+        const done = arguments[arguments.length - 1];
+        Promise.all([import("/page/report.js"), import("/page/chart.js")]).then(([{valueAt}, {rowsOfReport}]) => {
+          const members = {threads: 3, energy: {ideal: 2}}, sweeps = [{energy: 3}];
+          done([{...members, sweeps}, {diagnostics: members, sweeps}].map(report =>
+            [valueAt(report, "diagnostics.threads"), valueAt(report, "diagnostics.sigma") ?? null, rowsOfReport(report)[0].energy_excess]));
+        }, fault => done(String(fault)));""")
+    assert found == [[3, None, 0.5], [3, None, 0.5]]

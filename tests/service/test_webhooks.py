@@ -105,7 +105,7 @@ def test_no_two_queues_give_the_same_id(new_service, receiver, secret):
 
 
 def test_a_secret_of_any_text_is_the_key(new_service, receiver, secret):
-    """The form of version 0.1.0. A library gets it as base64."""
+    """A secret without the prefix of Standard Webhooks. A library gets it as base64."""
     secret.write_text(OLD_SECRET + "\n")
     receiver.secret = "whsec_" + base64.b64encode(OLD_SECRET.encode()).decode()
     service = new_service("--webhook_hosts", receiver.host, "--webhook_secret_file", secret).start()

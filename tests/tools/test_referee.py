@@ -39,7 +39,7 @@ def test_what_is_wrong_is_found(job, member):
     surface, report, points = job
     assert referee.disagreements(referee.compare(surface, report, points)) == []
     if member == "step":
-        report = {**report, "step_left": 1.3 * report["step_left"]}
+        report = {**report, "diagnostics": {**report["diagnostics"], "step_left": 1.3 * report["diagnostics"]["step_left"]}}
     elif member == "normal":
         points = measure.PointSet(points.position, numpy.roll(points.normal, 1, axis=0), points.spacing, points.alpha,
                                   points.columns)

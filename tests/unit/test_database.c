@@ -246,70 +246,27 @@ static void test_a_killed_process_loses_nothing(void **state)
     }
 }
 
-/* A database of version 1 with one job of each state. */
-static const char version_1[] =
-    "CREATE TABLE job (seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, name TEXT,"
-    " labels TEXT NOT NULL, state TEXT NOT NULL DEFAULT 'queued', outcome TEXT, priority INTEGER NOT NULL,"
-    " created_ms INTEGER NOT NULL, started_ms INTEGER, finished_ms INTEGER, attempt INTEGER NOT NULL DEFAULT "
-    "0,"
-    " spent INTEGER NOT NULL DEFAULT 0, max_attempts INTEGER NOT NULL, error_code TEXT, error_message TEXT,"
-    " spec TEXT NOT NULL) STRICT;"
-    "CREATE INDEX job_waiting ON job (priority DESC, seq) WHERE state = 'queued';"
-    "CREATE INDEX job_by_state ON job (state, seq);"
-    "CREATE TABLE attempt (job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, number INTEGER NOT "
-    "NULL,"
-    " started_ms INTEGER NOT NULL, finished_ms INTEGER, exit_status INTEGER, signal INTEGER,"
-    " peak_memory_bytes INTEGER, reason TEXT, PRIMARY KEY (job, number)) STRICT, WITHOUT ROWID;"
-    "INSERT INTO job VALUES (1, 'queued', 'n', '[\"x\"]', 'queued', NULL, 3, 10, 20, NULL, 1, 1, 3, NULL, "
-    "NULL, 's');"
-    "INSERT INTO job VALUES (2, 'running', NULL, '[]', 'running', NULL, 0, 10, 20, NULL, 2, 1, 3, NULL, "
-    "NULL, 's');"
-    "INSERT INTO job VALUES (3, 'cancelling', NULL, '[]', 'cancelling', NULL, 0, 10, 20, NULL, 1, 1, 3, "
-    "NULL, NULL,"
-    " 's');"
-    "INSERT INTO job VALUES (4, 'succeeded', NULL, '[]', 'succeeded', 'not_converged', 0, 10, 20, 30, 1, 1, "
-    "3, NULL,"
-    " NULL, 's');"
-    "INSERT INTO job VALUES (5, 'failed', NULL, '[]', 'failed', NULL, 0, 10, 20, 30, 1, 1, 3, 'internal', "
-    "'why', 's');"
-    "INSERT INTO attempt VALUES (1, 1, 20, 21, NULL, 11, NULL, 'signal 11');"
-    "INSERT INTO attempt VALUES (2, 1, 20, 21, NULL, 11, NULL, NULL);"
-    "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
-    "PRAGMA user_version = 1;";
-
-static void test_an_older_schema_is_migrated(void **state)
+/* Version 19 has the tables of version 18. */
+static void test_results_of_version_18_are_not_reused(void **state)
 {
     place *p = *state;
-    queue_close(p->q);
-    p->q = NULL;
-    assert_true(store_remove(p->base, NULL));
-    assert_true(store_directory_create(p->base, NULL));
-    sqlite3 *raw = open_raw(p);
-    assert_int_equal(sqlite3_exec(raw, version_1, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    expect_state(p, "queued", QUEUE_QUEUED);
-    expect_state(p, "running", QUEUE_RUNNING);
-    expect_state(p, "cancelling", QUEUE_CANCELLING);
-    expect_state(p, "failed", QUEUE_FAILED);
-    queue_job job = get(p, "succeeded");
-    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
-    assert_string_equal(job.spec, "s");
-    queue_job_clear(&job);
-    assert_true(finish(p, "running", 0, 2, &success));
-    queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
-    assert_true(finish(p, "cancelling", 0, 1, &ending));
-    assert_int_equal(claim(p, "queued"), 2);
-    assert_int_equal(apply_command(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
-    queue_attempt *attempts;
-    size_t count;
-    assert_true(queue_list_attempts(p->q, "running", -1, 0, 100, &attempts, &count, NULL));
-    assert_int_equal(count, 2);
-    queue_attempts_free(attempts, count);
-    char id[ULID_SIZE];
-    put(p, "new", 0, id);
-    expect_listed(p, &(queue_filter){.state = -1, .limit = 1}, (const char *[]){id}, 1);
-    expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
+    queue_submission s = plain;
+    queue_ending ending = success;
+    char id[ULID_SIZE], waits[ULID_SIZE], found_id[ULID_SIZE], *inputs = NULL;
+    bool found;
+    s.cache_key = ending.cache_key = "k";
+    ending.cache_inputs = "[]";
+    submit_for(p, &s, id);
+    assert_true(finish(p, id, 0, claim(p, id), &ending));
+    submit_for(p, &s, waits);
+    assert_true(queue_recall(p->q, "k", found_id, &inputs, &found, NULL) && found);
+    free(inputs);
+    alter_database(p, "PRAGMA user_version = 18;");
+    assert_true(queue_recall(p->q, "k", found_id, &inputs, &found, NULL) && !found);
+    queue_claimed c = {0};
+    assert_true(queue_claim_job(p->q, waits, &c, &found, NULL) && found);
+    assert_null(c.cache_key);
+    queue_claimed_clear(&c);
 }
 
 /* Removes the additions of version 18. */
@@ -358,180 +315,12 @@ static void test_an_older_schema_is_migrated(void **state)
     "ALTER TABLE task DROP COLUMN copy_message;"                                                 \
     "DROP TABLE running; ALTER TABLE task DROP COLUMN wait_ms; ALTER TABLE outbox DROP COLUMN wait_ms;"
 
-/* Removes the additions of version 11. */
-#define BEFORE_11 \
-    BEFORE_12 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
-
-/* Removes the additions of version 10. */
-#define BEFORE_10                                         \
-    BEFORE_11                                             \
-    "DROP INDEX job_by_priority; DROP INDEX job_by_name;" \
-    "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;"
-
-/* Removes the additions of version 9. */
-#define BEFORE_9                                                                                           \
-    BEFORE_10                                                                                              \
-    "DROP TRIGGER job_leaves; DROP TRIGGER job_is_adopted; DROP TRIGGER job_is_deleted; DROP TABLE usage;" \
-    "DROP INDEX job_leaving; DROP INDEX job_leaving_of; DROP INDEX job_unmeasured;"                        \
-    "ALTER TABLE job DROP COLUMN result_bytes; ALTER TABLE job DROP COLUMN delivered;"                     \
-    "ALTER TABLE job DROP COLUMN delivered_ms; ALTER TABLE task DROP COLUMN is_delivered;"                 \
-    "ALTER TABLE service DROP COLUMN results; ALTER TABLE service DROP COLUMN result_bytes;"
-
 /* Restores the two outcomes of version 7. */
 #define TWO_OUTCOMES(table)                                                                            \
     "ALTER TABLE " table " RENAME COLUMN outcome TO told;"                                             \
     "ALTER TABLE " table " ADD COLUMN outcome TEXT CHECK (outcome IN ('converged', 'not_converged'));" \
     "UPDATE " table " SET outcome = told; ALTER TABLE " table " DROP COLUMN told;"
-#define BEFORE_8                              \
-    BEFORE_9                                  \
-    TWO_OUTCOMES("job")                       \
-    TWO_OUTCOMES("task")                      \
-    "ALTER TABLE job DROP COLUMN unresolved;" \
-    "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
-
-/* Removes the additions of version 7. */
-#define BEFORE_7                                                                                      \
-    BEFORE_8                                                                                          \
-    "DROP TABLE service; DROP TABLE owner;"                                                           \
-    "CREATE TABLE owner (name TEXT PRIMARY KEY, unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," \
-    "  running INTEGER NOT NULL CHECK (running >= 0)) STRICT, WITHOUT ROWID;"                         \
-    "INSERT INTO owner SELECT owner, count(*), sum(running) FROM job WHERE finished_ms IS NULL GROUP BY owner;"
-
-/* Removes the additions of version 6. */
-#define BEFORE_6                                                                     \
-    BEFORE_7                                                                         \
-    "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;" \
-    "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes; DROP TABLE state_count;"
-
-/* Removes the additions of version 5. */
-#define BEFORE_5                                                                               \
-    BEFORE_6                                                                                   \
-    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"       \
-    "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;" \
-    "ALTER TABLE spec DROP COLUMN timeout_ms; ALTER TABLE spec DROP COLUMN stall_ms;"          \
-    "ALTER TABLE spec DROP COLUMN directory; ALTER TABLE spec DROP COLUMN cache_key;"
-
-/* Version 2 did not store paths with a spec. */
-static void test_paths_are_added_to_version_2(void **state)
-{
-    place *p = *state;
-    char id[ULID_SIZE];
-    put(p, "before", 0, id);
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *raw = open_raw(p);
-    static const char as_it_was[] =
-        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5
-        "PRAGMA user_version = 2;";
-    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    queue_job job = get(p, id);
-    assert_null(job.paths);
-    queue_job_clear(&job);
-    queue_receipt receipt;
-    queue_submission s = {.labels = "[]", .spec = "{}", .paths = "[1]", .max_attempts = 1, .threads = 1};
-    assert_true(queue_put(p->q, &s, &receipt, NULL));
-    job = get(p, receipt.id);
-    assert_string_equal(job.paths, "[1]");
-    queue_job_clear(&job);
-}
-
 #define SENT "sha256:0123456789012345678901234567890123456789012345678901234567890123"
-
-static void test_times_and_inputs_are_added_to_version_3(void **state)
-{
-    place *p = *state;
-    char id[ULID_SIZE];
-    bool wanted = false;
-    queue_submission s = plain;
-    s.spec = "{\"surface\":{\"mesh\":{\"path\":\"" SENT ".obj\"}}}";
-    submit_for(p, &s, id);
-    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
-    assert_false(wanted); /* this version did not store it */
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *raw = open_raw(p);
-    static const char as_it_was[] =
-        "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5 "PRAGMA user_version = 3;";
-    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    assert_int_equal(get_task(p, id, 0).ran_ms, 0);
-    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
-    assert_true(wanted);
-    apply_command(p, id, QUEUE_CANCEL, true);
-    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
-    assert_false(wanted);
-}
-
-/* Version 4 did not record removed events; their numbers are missing. Of three jobs with one event each, the
- * given number of newest ones is removed, or the middle one. */
-static void test_removed_events_are_found_in_version_4(void **state)
-{
-    place *p = *state;
-    static const struct {
-        const char *which;
-        int64_t up_to;
-    } cases[] = {{"0", 0}, {"seq = 2", 2}, {"seq = 3", 3}, {"1", 3}};
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        char id[ULID_SIZE];
-        queue_close(p->q);
-        p->q = NULL;
-        assert_true(store_remove(p->base, NULL));
-        assert_true(store_directory_create(p->base, NULL));
-        reopen(p);
-        for (int k = 0; k < 3; k++) put(p, NULL, 0, id);
-        char *as_it_was =
-            mem_printf("DELETE FROM event WHERE %s; " BEFORE_5 "PRAGMA user_version = 4;", cases[i].which);
-        alter_database(p, as_it_was);
-        free(as_it_was);
-        assert_int_equal(look_at_events(p).removed_up_to, cases[i].up_to);
-    }
-}
-
-static void test_storage_is_added_to_version_4(void **state)
-{
-    place *p = *state;
-    char id[ULID_SIZE];
-    queue_copy *copies = NULL;
-    size_t count = 0;
-    put(p, "before", 0, id);
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *raw = open_raw(p);
-    assert_int_equal(sqlite3_exec(raw, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    assert_int_equal(get_task(p, id, 0).storage_faults, 0);
-    assert_true(queue_list_copies(p->q, &copies, &count, NULL));
-    assert_int_equal(count, 0);
-    queue_copies_free(copies, count);
-}
-
-/* Version 8 stored neither the disk space of jobs nor deliveries. */
-static void test_usage_is_added_to_version_8(void **state)
-{
-    place *p = *state;
-    char kept[ULID_SIZE], failed[ULID_SIZE], id[ULID_SIZE];
-    bool found = false;
-    put(p, "kept", 0, kept);
-    assert_true(finish(p, kept, 0, claim(p, kept), &success));
-    put(p, "failed", 0, failed);
-    assert_true(finish(p, failed, 0, claim(p, failed), &crash));
-    alter_database(p, BEFORE_9 "PRAGMA user_version = 8;");
-    for (int i = 0; i < 2; i++) {
-        assert_true(queue_next_unmeasured(p->q, id, &found, NULL) && found);
-        assert_true(queue_note_bytes(p->q, id, 10, NULL));
-    }
-    queue_usage usage;
-    assert_true(queue_get_usage(p->q, &usage, NULL));
-    assert_true(usage.all.bytes == 20 && usage.all.results == 2 && usage.count == 1);
-    free(usage.user);
-    queue_bound(p->q, &(queue_bounds){.all = {1, 1}, .user = {INT64_MAX, INT64_MAX}});
-    assert_true(queue_next_leaving(p->q, id, &found, NULL) && found);
-    assert_string_equal(id, failed);
-}
 
 /* In version 11 a job with a directory succeeded only if its result was copied. Reports of equal jobs were
  * one file. */
@@ -556,56 +345,6 @@ static void test_jobs_of_version_11_count_as_copied(void **state)
     job = get(p, id[1]);
     assert_string_equal(job.copy_state, "delivered");
     queue_job_clear(&job);
-}
-
-/* Version 9 did not sort lists. */
-static void test_orders_are_added_to_version_9(void **state)
-{
-    place *p = *state;
-    char id[2][ULID_SIZE];
-    put(p, "b", 0, id[0]);
-    put(p, "A", 0, id[1]);
-    alter_database(p, BEFORE_10 "PRAGMA user_version = 9;");
-    queue_filter f = {.state = -1, .limit = 9, .order = QUEUE_BY_NAME, .rising = true};
-    expect_listed(p, &f, (const char *[]){id[1], id[0]}, 2);
-}
-
-/* Version 6 had no turns: the oldest job was claimed first, whatever its owner. */
-static void test_turns_are_added_to_version_6(void **state)
-{
-    place *p = *state;
-    queue_submission s = plain;
-    char ann[3][ULID_SIZE], bob[ULID_SIZE];
-    s.owner = "ann";
-    s.most_waiting = 3;
-    for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
-    s.owner = "bob";
-    submit_for(p, &s, bob);
-    int attempt = claim(p, ann[0]);
-    alter_database(p, BEFORE_7 "PRAGMA user_version = 6;");
-    s.owner = "ann";
-    assert_int_equal(submit(p, &s).admission, QUEUE_TOO_MANY);
-    assert_true(finish(p, ann[0], 0, attempt, &success));
-    claim(p, ann[1]);
-    claim(p, bob);
-    claim(p, ann[2]);
-    claim(p, NULL);
-}
-
-/* In version 7 jobs depended on success only. These jobs still do. */
-static void test_dependencies_of_version_7_are_on_success(void **state)
-{
-    place *p = *state;
-    queue_submission s = plain;
-    char first[ULID_SIZE], second[ULID_SIZE];
-    submit_for(p, &s, first);
-    const char *needs[] = {first};
-    s.depends_on = needs;
-    s.depends_on_count = 1;
-    submit_for(p, &s, second);
-    alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
-    assert_true(finish(p, first, 0, claim(p, first), &crash));
-    expect_state(p, second, QUEUE_FAILED);
 }
 
 /* In version 15 a job waited for the end of whole jobs only. */
@@ -730,94 +469,6 @@ static void test_any_outcome_of_a_job_of_version_13_is_accepted(void **state)
     expect_state(p, second, QUEUE_QUEUED);
 }
 
-/* In version 5 the id of a notification was its number, which other queues used, too. */
-static void test_notifications_of_version_5_get_ids(void **state)
-{
-    place *p = *state;
-    queue_submission s = plain;
-    char id[2][ULID_SIZE], event[2][ULID_SIZE];
-    s.webhook = "https://farm/done";
-    for (int i = 0; i < 2; i++) {
-        submit_for(p, &s, id[i]);
-        assert_true(finish(p, id[i], 0, claim(p, id[i]), &success));
-    }
-    alter_database(p, BEFORE_6 "PRAGMA user_version = 5;");
-    for (int i = 0; i < 2; i++) {
-        queue_delivery delivery = {0};
-        bool found = false;
-        assert_true(queue_next_delivery(p->q, "[]", &delivery, &found, NULL) && found);
-        queue_job job = get(p, delivery.id);
-        assert_true(delivery.ended_ms == job.finished_ms && job.finished_ms > 0);
-        memcpy(event[i], delivery.event, ULID_SIZE);
-        assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
-        queue_job_clear(&job);
-        queue_delivery_clear(&delivery);
-    }
-    assert_int_equal(strlen(event[0]), ULID_SIZE - 1);
-    assert_string_not_equal(event[0], event[1]);
-}
-
-/* Version 7 had two outcomes. */
-static void test_outcome_unresolved_is_added_to_version_7(void **state)
-{
-    place *p = *state;
-    char id[2][ULID_SIZE];
-    for (int i = 0; i < 2; i++) submit_for(p, &plain, id[i]);
-    queue_ending end = success;
-    end.outcome = QUEUE_NOT_CONVERGED;
-    assert_true(finish(p, id[0], 0, claim(p, id[0]), &end));
-    alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
-    end.outcome = QUEUE_UNRESOLVED;
-    assert_true(finish(p, id[1], 0, claim(p, id[1]), &end));
-    for (int i = 0; i < 2; i++) {
-        queue_job job = get(p, id[i]);
-        assert_int_equal(job.outcome, i == 0 ? QUEUE_NOT_CONVERGED : QUEUE_UNRESOLVED);
-        queue_job_clear(&job);
-    }
-}
-
-/* Version 4 read a spec at each claim. */
-static void test_limits_and_inputs_are_read_from_specs_of_version_4(void **state)
-{
-    static const struct {
-        const char *spec;
-        int64_t timeout_ms, stall_ms;
-        const char *directory;
-    } cases[] = {
-        {"{}", 0, 0, NULL},
-        {"{\"limits\":{\"timeout_s\":1.5,\"stall_s\":20},\"output\":{\"directory\":\"/a/####\"}}", 1500,
-         20000, "/a/####"},
-        {"no JSON", 0, 0, NULL},
-    };
-    place *p = *state;
-    enum { COUNT = sizeof cases / sizeof *cases };
-    char id[COUNT][ULID_SIZE];
-    for (int i = 0; i < COUNT; i++) {
-        queue_submission s = plain;
-        s.spec = cases[i].spec;
-        submit_for(p, &s, id[i]);
-    }
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *raw = open_raw(p);
-    assert_int_equal(sqlite3_exec(raw, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    for (int i = 0; i < COUNT; i++) {
-        bool found = false;
-        queue_claimed c;
-        assert_true(queue_claim_job(p->q, id[i], &c, &found, NULL) && found);
-        assert_int_equal(c.timeout_ms, cases[i].timeout_ms);
-        assert_int_equal(c.stall_ms, cases[i].stall_ms);
-        if (cases[i].directory)
-            assert_string_equal(c.directory, cases[i].directory);
-        else
-            assert_null(c.directory);
-        assert_null(c.cache_key);
-        queue_claimed_clear(&c);
-    }
-}
-
 /* A claim returns the limits and inputs of the submission. */
 static void test_a_claim_returns_limits_and_inputs(void **state)
 {
@@ -911,38 +562,6 @@ static void test_a_job_is_refused_without_free_space(void **state)
     assert_true(found && deleted);
 }
 
-/* Version 4 had no instance ids. */
-static void test_an_instance_is_added_to_version_4(void **state)
-{
-    place *p = *state;
-    char id[ULID_SIZE];
-    bool found = true;
-    queue_instance whose;
-    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
-    assert_false(found); /* the database is new */
-    put(p, "before", 0, id);
-    claim(p, id);
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *raw = open_raw(p);
-    static const char as_it_was[] = BEFORE_5 "PRAGMA user_version = 4;";
-    assert_int_equal(sqlite3_exec(raw, as_it_was, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(raw);
-    reopen(p);
-    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
-    assert_true(found);
-    assert_string_equal(whose.id, "");
-    assert_string_equal(whose.boot_id, "");
-    const queue_instance named = {"0123456789abcdefghjkmnpqrs", "a boot"};
-    for (int times = 0; times < 2; times++) assert_true(queue_set_instance(p->q, &named, NULL));
-    reopen(p);
-    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
-    assert_string_equal(whose.id, named.id);
-    assert_string_equal(whose.boot_id, named.boot_id);
-    assert_int_equal(get_task(p, id, 0).interrupted, 0);
-    assert_true(finish(p, id, 0, 1, &success));
-}
-
 static void test_a_second_owner_is_refused(void **state)
 {
     place *p = *state;
@@ -982,6 +601,46 @@ static void test_a_newer_schema_is_refused(void **state)
     error e = {0};
     assert_null(queue_open(p->base, &e));
     assert_non_null(strstr(e.message, "version 99"));
+}
+
+static char *read_database(place *p)
+{
+    size_t length = 0;
+    char *path = mem_printf("%s/queue.db", p->base), *text = NULL;
+    FILE *from = fopen(path, "rb"), *to = open_memstream(&text, &length);
+    assert_non_null(from);
+    for (int c; (c = fgetc(from)) != EOF;) fprintf(to, "%02x", (unsigned)c);
+    fclose(from);
+    fclose(to);
+    free(path);
+    return text;
+}
+
+static void test_an_older_schema_is_refused_and_unchanged(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    p->q = NULL;
+    for (int version = 1; version <= 10; version += 9) {
+        sqlite3 *raw = open_raw(p);
+        char *set = mem_printf("PRAGMA user_version = %d", version);
+        assert_int_equal(sqlite3_exec(raw, set, NULL, NULL, NULL), SQLITE_OK);
+        sqlite3_close(raw);
+        char *before = read_database(p);
+        error e = {0};
+        assert_null(queue_open(p->base, &e));
+        char *named =
+            mem_printf("queue.db: the database of the queue has version %d, and this hexad converts "
+                       "versions 11 to ",
+                       version);
+        assert_non_null(strstr(e.message, named));
+        char *after = read_database(p);
+        assert_string_equal(before, after);
+        free(set);
+        free(named);
+        free(before);
+        free(after);
+    }
 }
 
 static void test_a_damaged_database_is_refused(void **state)
@@ -1032,31 +691,20 @@ int main(void)
         CASE(test_many_threads_submit),
         CASE(test_a_thread_of_low_priority_commits_nothing),
         CASE(test_a_killed_process_loses_nothing),
-        CASE(test_an_older_schema_is_migrated),
-        CASE(test_storage_is_added_to_version_4),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_arrays_of_version_16_have_no_chunks),
         CASE(test_reused_results_of_version_17_are_shown_to_the_owner_of_both_jobs),
         CASE(test_jobs_of_version_14_have_no_max_running),
         CASE(test_any_outcome_of_a_job_of_version_13_is_accepted),
-        CASE(test_dependencies_of_version_7_are_on_success),
-        CASE(test_notifications_of_version_5_get_ids),
-        CASE(test_turns_are_added_to_version_6),
-        CASE(test_usage_is_added_to_version_8),
         CASE(test_jobs_of_version_11_count_as_copied),
-        CASE(test_orders_are_added_to_version_9),
-        CASE(test_outcome_unresolved_is_added_to_version_7),
-        CASE(test_limits_and_inputs_are_read_from_specs_of_version_4),
         CASE(test_a_claim_returns_limits_and_inputs),
         CASE(test_the_reserve),
         CASE(test_changes_of_the_reserve_leave_no_descriptor_open),
         CASE(test_a_job_is_refused_without_free_space),
-        CASE(test_paths_are_added_to_version_2),
-        CASE(test_times_and_inputs_are_added_to_version_3),
-        CASE(test_removed_events_are_found_in_version_4),
-        CASE(test_an_instance_is_added_to_version_4),
         CASE(test_a_second_owner_is_refused),
         CASE(test_a_newer_schema_is_refused),
+        CASE(test_an_older_schema_is_refused_and_unchanged),
+        CASE(test_results_of_version_18_are_not_reused),
         CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known),
         cmocka_unit_test(test_a_start_waits_for_the_lock_of_an_ending_process),

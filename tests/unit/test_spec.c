@@ -1408,16 +1408,31 @@ static void test_faults_within_groups_are_noted_together(void **state)
 /* The members of the group and of all below it are in the order of the table. */
 static void expect_order_of_table(json_at at, const char *group)
 {
-    size_t count = 0, last = 0;
-    const spec_row *const *rows = spec_rows_of(group, &count);
+    const spec_row *last = NULL;
     for (json_at member = json_first(&at); member.node; member = json_next(&member)) {
-        size_t k = 0;
-        while (k < count && strcmp(spec_row_key(rows[k]), member.key) != 0) k++;
-        if (k == count || k < last) fail_msg("%s/%s is out of order", group, member.key);
-        if (rows[k]->type == SPEC_TYPE_GROUP && json_type_of(member) == JSON_OBJECT)
-            expect_order_of_table(member, rows[k]->pointer);
-        last = k;
+        const spec_row *row = spec_row_find(group, member.key);
+        if (!row || (last && row < last)) fail_msg("%s/%s is out of order", group, member.key);
+        if (row->type == SPEC_TYPE_GROUP && json_type_of(member) == JSON_OBJECT)
+            expect_order_of_table(member, row->pointer);
+        last = row;
     }
+}
+
+static void test_members_of_groups_are_found_in_the_order_of_the_table(void **state)
+{
+    (void)state;
+    for (size_t g = 0; g <= spec_row_count; g++) {
+        const char *group = g < spec_row_count ? spec_rows[g].pointer : "";
+        const spec_row *member = NULL;
+        for (size_t k = 0; k < spec_row_count; k++)
+            if (spec_row_is_member(&spec_rows[k], group)) {
+                member = spec_row_next(group, member);
+                assert_ptr_equal(member, &spec_rows[k]);
+            }
+        assert_null(spec_row_next(group, member));
+    }
+    assert_null(spec_row_next("/surfac", NULL));
+    assert_null(spec_row_find("/surface/vdb", "grids"));
 }
 
 static void test_defaults_that_depend_on_others_are_in_their_places(void **state)
@@ -1571,6 +1586,7 @@ int main(void)
         cmocka_unit_test(test_long_lists_of_labels_are_read_in_one_walk),
         cmocka_unit_test(test_rules_between_groups_wait_for_groups_without_faults),
         cmocka_unit_test(test_faults_within_groups_are_noted_together),
+        cmocka_unit_test(test_members_of_groups_are_found_in_the_order_of_the_table),
         cmocka_unit_test(test_defaults_that_depend_on_others_are_in_their_places),
         cmocka_unit_test(test_members_of_one_default_method_belong_to_all),
         cmocka_unit_test(test_members_of_an_unknown_method_are_not_refused),

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the state directory that an upgrade is tested from, with the programs of an earlier version.
+"""Makes the state directory that an upgrade is tested from, with the programs of an earlier build.
 
     make_state.py HEXAD WORKER OUTPUT
 
-HEXAD and WORKER are the earlier version's programs; OUTPUT must not be there. tests/upgrade/0.1.0 was made so with those of
-commit 681e8d2. The daemon is killed while one job runs, by a worker that waits;
-others wait, are paused, have succeeded, failed or been cancelled. OUTPUT gets the directories of the state directory, queue.db as SQL,
-and jobs.json: what GET /v1/jobs said of each job before the kill.
+HEXAD and WORKER are the earlier build's programs; OUTPUT must not exist. The folders of tests/upgrade are named after the commits of
+their builds. The daemon is killed while one job runs, by a worker that waits; other jobs wait, are paused, have succeeded (one with the
+result of an equal job), failed or been cancelled. OUTPUT gets the directories of the state directory, queue.db as SQL, and jobs.json:
+members of each job before the kill, by GET /v1/jobs.
 """
 import hashlib
 import json
@@ -28,11 +28,11 @@ case $spec in *'"name":"runs"'*) echo half >"$4/points.ply.new"; echo '{"phase":
 echo "$spec" | exec %s "$@"
 """
 
-KEPT = ("id", "name", "state", "outcome", "labels", "priority")
+KEPT = ("id", "name", "state", "outcome", "labels", "priority", "cached_from")
 
 
 class Earlier(Service):
-    """The daemon as it was: of today's options, those that it knew."""
+    """The earlier daemon, with options that it has."""
 
     def __init__(self, program, base, worker, inputs):
         super().__init__(program.parent, base)
@@ -69,11 +69,14 @@ def fill(service, inputs):
     service.wait_state(service.submit(mesh("sent", sent, queue={"labels": ["shot=1"]})), "succeeded")
     service.wait_state(service.submit(mesh("frames", "grows.####.off", queue={"frames": "1-2"})), "succeeded")
     service.wait_state(service.submit(mesh("broken", send(service, "OFF\n4 4 0\n"))), "failed")
+    service.wait_state(service.submit(mesh("cached", sent)), "succeeded")
     runs = service.submit(ball("runs", 1))
     wait_until(lambda: service.job(runs)["progress"], "progress")
     service.submit(ball("waits", 2, queue={"priority": 10, "labels": ["shot=2", "night"]}))
     service.submit(ball("after", 3, queue={"depends_on": [runs]}))
-    service.submit(mesh("waits with a sent file", sent, queue={"priority": -5}))
+    service.submit(mesh("waits with a sent file", sent, sampling={"count": 70}, queue={"priority": -5}))
+    service.submit(mesh("waits, equal to sent", sent, queue={"depends_on": [runs]}))
+    service.submit(mesh("waits with defaults", sent, output={"preview": {"size": [64, 64]}}))
     service.submit(mesh("waiting frames", "grows.####.off", queue={"frames": "1-2"}))
     service.post(f"/v1/jobs/{service.submit(ball('paused', 4))}/pause")
     service.post(f"/v1/jobs/{service.submit(ball('cancelled', 5))}/cancel")
@@ -98,6 +101,8 @@ def main():
         for entry in sorted(service.state.iterdir()):
             if entry.is_dir() and any(entry.iterdir()):
                 shutil.copytree(entry, output / entry.name)
+        if (service.state / "instance").exists():
+            shutil.copyfile(service.state / "instance", output / "instance")
         with sqlite3.connect(service.state / "queue.db") as database:
             version = database.execute("PRAGMA user_version").fetchone()[0]
             dump = "\n".join([f"PRAGMA user_version = {version};", *database.iterdump()])

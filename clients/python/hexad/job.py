@@ -187,7 +187,7 @@ class Job(ABC):
 
     def ratings(self, frame: int | None = None) -> dict[str, dict[str, Any]]:
         """How regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None. Results of
-        version 1.0 have no ratings."""
+        builds without ratings have none."""
         ratings: dict[str, dict[str, Any]] = self.report(frame).get("ratings", {})
         return ratings
 

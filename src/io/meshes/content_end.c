@@ -7,7 +7,7 @@
 #include <strings.h>
 
 #include "base/core/file_format.h"
-#include "io/meshes/ply_header.h"
+#include "io/meshes/ply_rows.h"
 
 /* Bytes of a binary STL file: before its number of triangles, before the triangles, and of each triangle. */
 enum { STL_COUNT_AT = 80, STL_HEAD = 84, STL_TRIANGLE = 50 };
@@ -97,40 +97,17 @@ static const char *end_of_off(const char *data, size_t size)
     return NULL;
 }
 
-/* Behind a binary row of an element. */
-static const char *skip_row(const ply_header *h, const ply_element *e, const char *at, const char *end)
-{
-    for (const ply_property *p = e->property; p < e->property + e->properties; p++) {
-        double count = 1;
-        if (p->length) {
-            if ((size_t)(end - at) < number_bytes(p->length->number)) return NULL;
-            count = ply_number(at, p->length, h->layout);
-            at += number_bytes(p->length->number);
-        }
-        if (!(count >= 0 && count * (double)number_bytes(p->type->number) <= (double)(end - at))) return NULL;
-        at += (size_t)count * number_bytes(p->type->number);
-    }
-    return at;
-}
-
-/* The end of the elements of a PLY file. In a text file each row is a line. */
+/* The end of the elements of a PLY file. */
 static const char *end_of_ply(const char *data, size_t size)
 {
-    ply_header *h = malloc(sizeof *h);
-    const char *end = data + size, *at = h && ply_header_read(data, size, h) ? data + h->body : NULL;
-    for (const ply_element *e = at ? h->element : NULL; at && e < h->element + h->elements; e++) {
-        if (h->layout != PLY_TEXT && !e->has_list &&
-            (e->row == 0 || e->count <= (size_t)(end - at) / e->row)) {
-            at += e->count * e->row;
-            continue;
-        }
-        for (uint64_t n = 0; at && n < e->count; n++) {
-            at = h->layout == PLY_TEXT ? skip_blanks(at, end) : skip_row(h, e, at, end);
-            if (h->layout == PLY_TEXT) at = at < end ? next_line(at, end) : NULL;
-        }
+    ply_header h;
+    if (!ply_header_read(data, size, &h)) return NULL;
+    ply_rows r = ply_rows_begin(&h, data, size);
+    for (int k = 0; k < h.elements; k++) {
+        ply_rows_enter(&r, &h.element[k]);
+        if (!ply_rows_skip(&r)) return NULL;
     }
-    free(h);
-    return at;
+    return r.at;
 }
 
 size_t content_end(const char *ending, const char *data, size_t size)

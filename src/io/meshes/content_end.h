@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* `ending`: that of the file's name. Returns the number of bytes up to the end of the solids (STL),
+/* `ending`: that of the file's name. data[size] is 0. Returns the number of bytes up to the end of the solids (STL),
  * elements (PLY) or faces (OFF); `size` if the end is not known, and for other formats. */
 size_t content_end(const char *ending, const char *data, size_t size);
 

@@ -7,109 +7,30 @@
 #include <strings.h>
 
 #include "io/meshes/plain_mesh.h"
-#include "io/meshes/ply_header.h"
+#include "io/meshes/ply_rows.h"
 
-typedef struct cursor {
-    const char *data, *at, *end;
-    ply_layout layout;
-    const ply_element *element; /* which is read, and its row */
-    uint64_t row;
-    plain_mesh *out;
-} cursor;
-
-/* Refuses the file for what is at the cursor. */
-static bool refuse_row(cursor *c, const char *why)
+/* Refuses the file for the row that is faulty, unless it is refused already. */
+static bool refuse_row(const ply_rows *r, plain_mesh *out)
 {
-    if (c->layout == PLY_TEXT)
-        return plain_mesh_refuse_line(c->out, c->data, c->at,
+    if (!r->fault) return false;
+    if (r->layout == PLY_TEXT)
+        return plain_mesh_refuse_line(out, r->data, r->at,
                                       "of the PLY file, row %llu of its element \"%s\", %s. Save it again.",
-                                      (unsigned long long)c->row, c->element->name, why);
-    return plain_mesh_refuse(c->out, ERROR_INPUT_DAMAGED,
+                                      (unsigned long long)r->row, r->element->name, r->fault);
+    return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                              "row %llu of the element \"%s\" of the PLY file %s. Save it again.",
-                             (unsigned long long)c->row, c->element->name, why);
+                             (unsigned long long)r->row, r->element->name, r->fault);
 }
 
-static bool is_line_end(char c)
+/* The number of rows to reserve memory for: 0 for text, whose rows have no fixed size. */
+static size_t expected_rows(const ply_rows *r)
 {
-    return c == '\n' || c == '\r' || c == 0;
+    return r->layout == PLY_TEXT ? 0 : ply_rows_at_most(r);
 }
 
-static bool read_number(cursor *c, const ply_type *type, double *out)
+static bool read_vertices(ply_rows *r, plain_mesh *out)
 {
-    static const char early[] = "ends before the values that its header declares";
-    if (c->layout == PLY_TEXT)
-        return plain_mesh_number(&c->at, out) ||
-               refuse_row(c, is_line_end(*c->at) ? early : "has a word in place of a number");
-    if ((size_t)(c->end - c->at) < number_bytes(type->number)) return refuse_row(c, early);
-    *out = ply_number(c->at, type, c->layout);
-    c->at += number_bytes(type->number);
-    return true;
-}
-
-/* In text a row is a line; lines may be empty. */
-static void begin_row(cursor *c)
-{
-    if (c->layout != PLY_TEXT) return;
-    while (*c->at == '\n' || *c->at == '\r' || *c->at == ' ' || *c->at == '\t') c->at++;
-}
-
-static bool end_row(cursor *c)
-{
-    if (c->layout != PLY_TEXT) return true;
-    while (*c->at == ' ' || *c->at == '\t') c->at++;
-    return is_line_end(*c->at) || refuse_row(c, "has more values than its header declares");
-}
-
-/* The numbers of a list. Those of corners of a face, whole and less than the number of vertices, go to
- * out->corner; NULL: they are passed over. */
-static bool read_list(cursor *c, const ply_property *p, plain_mesh *out, size_t *count)
-{
-    double length, number;
-    if (!read_number(c, p->length, &length)) return false;
-    if (!(length >= 0 && length <= UINT32_MAX && length == floor(length)))
-        return refuse_row(c, "has a list whose length is not a number from 0 on");
-    *count = (size_t)length;
-    for (size_t k = 0; k < *count; k++) {
-        if (!read_number(c, p->type, &number)) return false;
-        if (!out) continue;
-        if (!(number >= 0 && number < (double)out->vertices && number == floor(number)))
-            return refuse_row(c, "refers to a vertex that does not exist");
-        if (!plain_mesh_expect_corners(out, k + 1)) return false;
-        out->corner[k] = (uint32_t)number;
-    }
-    return true;
-}
-
-/* Numbers of the row go to number[slot[k]] when slot[k] >= 0, those of the list `corners` to out->corner. */
-static bool read_row(cursor *c, const ply_element *element, const int *slot, double *number,
-                     const ply_property *corners, plain_mesh *out, size_t *count)
-{
-    begin_row(c);
-    for (int k = 0; k < element->properties; k++) {
-        const ply_property *p = &element->property[k];
-        size_t skipped;
-        double value;
-        if (p->length) {
-            if (!read_list(c, p, p == corners ? out : NULL, p == corners ? count : &skipped)) return false;
-        } else {
-            if (!read_number(c, p->type, &value)) return false;
-            if (slot && slot[k] >= 0) number[slot[k]] = value;
-        }
-    }
-    return end_row(c);
-}
-
-/* Upper bound on the rows of a binary element, by the bytes left; 0 for text, whose rows have no fixed
- * size. */
-static size_t rows_at_most(const cursor *c, const ply_element *element)
-{
-    const size_t left = (size_t)(c->end - c->at), row = element->row > 0 ? element->row : 1;
-    if (c->layout == PLY_TEXT) return 0;
-    return element->count < left / row ? element->count : left / row;
-}
-
-static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out)
-{
+    const ply_element *element = r->element;
     int slot[PLY_PROPERTIES_MOST], axes = 0;
     for (int k = 0; k < element->properties; k++) {
         const char *name = element->property[k].name;
@@ -120,29 +41,63 @@ static bool read_vertices(cursor *c, const ply_element *element, plain_mesh *out
     if ((axes & 3) != 3)
         return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                  "the vertices of the PLY file have no x or no y. Save it with x, y and z.");
-    if (!plain_mesh_expect(out, rows_at_most(c, element), 0)) return false;
-    for (c->row = 0; c->row < element->count; c->row++) {
+    if (!plain_mesh_expect(out, expected_rows(r), 0)) return false;
+    for (; r->row < element->count; r->row++) {
         double at[3] = {0, 0, 0};
-        if (!read_row(c, element, slot, at, NULL, NULL, NULL) || !plain_mesh_add_vertex(out, at))
-            return false;
+        if (!ply_rows_read(r, slot, at, NULL, NULL, NULL)) return refuse_row(r, out);
+        if (!plain_mesh_add_vertex(out, at)) return false;
     }
+    return true;
+}
+
+typedef struct face {
+    ply_rows *rows;
+    plain_mesh *out; /* out->corner: the corners */
+    size_t corners;
+} face;
+
+static const char no_vertex[] = "refers to a vertex that does not exist";
+
+static bool take_corner(void *context, size_t k, double number)
+{
+    face *f = context;
+    plain_mesh *out = f->out;
+    if (!(number >= 0 && number < (double)out->vertices && number == floor(number)))
+        return ply_rows_refuse(f->rows, no_vertex);
+    if (!plain_mesh_expect_corners(out, k + 1)) return false;
+    out->corner[k] = (uint32_t)number;
+    f->corners = k + 1;
     return true;
 }
 
 /* A row as most files have them: a byte, which says three, and three indices of four bytes of the lower
  * byte first. */
-static bool read_triangle(cursor *c, uint32_t corner[3])
+static bool read_triangle(ply_rows *r, uint32_t corner[3])
 {
     enum { ROW = 13 };
-    if (c->end - c->at < ROW || *c->at != 3) return false;
-    memcpy(corner, c->at + 1, 3 * sizeof *corner);
+    if (r->end - r->at < ROW || *r->at != 3) return false;
+    memcpy(corner, r->at + 1, 3 * sizeof *corner);
     for (int k = 0; k < 3; k++) corner[k] = le32toh(corner[k]);
-    c->at += ROW;
+    r->at += ROW;
     return true;
 }
 
-static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
+static bool are_vertices(const uint32_t corner[3], face *f)
 {
+    const size_t count = f->out->vertices;
+    return (corner[0] < count && corner[1] < count && corner[2] < count) ||
+           ply_rows_refuse(f->rows, no_vertex);
+}
+
+static bool read_polygon(const ply_property *list, face *f)
+{
+    f->corners = 0;
+    return ply_rows_read(f->rows, NULL, NULL, list, take_corner, f);
+}
+
+static bool read_faces(ply_rows *r, plain_mesh *out)
+{
+    const ply_element *element = r->element;
     const ply_property *list = NULL;
     for (int k = 0; k < element->properties; k++)
         if (strcmp(element->property[k].name, "vertex_indices") == 0 ||
@@ -151,52 +106,44 @@ static bool read_faces(cursor *c, const ply_element *element, plain_mesh *out)
     if (!list || !list->length)
         return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                  "the faces of the PLY file have no list \"vertex_indices\". Save it again.");
-    if (!plain_mesh_expect(out, 0, out->triangles + rows_at_most(c, element))) return false;
-    const bool common = c->layout == PLY_LITTLE && element->properties == 1 &&
+    if (!plain_mesh_expect(out, 0, out->triangles + expected_rows(r))) return false;
+    const bool common = r->layout == PLY_LITTLE && element->properties == 1 &&
                         number_bytes(list->length->number) == 1 && number_bytes(list->type->number) == 4 &&
                         number_is_whole(list->type->number);
-    for (c->row = 0; c->row < element->count; c->row++) {
-        uint32_t corner[3];
-        size_t count = 0;
-        if (common && read_triangle(c, corner)) {
-            for (int k = 0; k < 3; k++)
-                if (corner[k] >= out->vertices)
-                    return refuse_row(c, "refers to a vertex that does not exist");
-            if (!plain_mesh_add_polygon(out, corner, 3)) return false;
-            continue;
-        }
-        if (!read_row(c, element, NULL, NULL, list, out, &count) ||
-            !plain_mesh_add_polygon(out, out->corner, count))
-            return false;
+    for (; r->row < element->count; r->row++) {
+        face f = {r, out, 3};
+        uint32_t triangle[3];
+        const bool is_triangle = common && read_triangle(r, triangle);
+        if (is_triangle ? !are_vertices(triangle, &f) : !read_polygon(list, &f)) return refuse_row(r, out);
+        if (!plain_mesh_add_polygon(out, is_triangle ? triangle : out->corner, f.corners)) return false;
     }
     return true;
 }
 
-static bool pass_over(cursor *c, const ply_element *element)
+static bool pass_over(ply_rows *r, plain_mesh *out)
 {
-    size_t count;
-    for (c->row = 0; element->properties > 0 && c->row < element->count; c->row++)
-        if (!read_row(c, element, NULL, NULL, NULL, NULL, &count)) return false;
+    for (; r->element->properties > 0 && r->row < r->element->count; r->row++)
+        if (!ply_rows_read(r, NULL, NULL, NULL, NULL, NULL)) return refuse_row(r, out);
     return true;
 }
 
-static bool read_element(cursor *c, const ply_element *element, plain_mesh *out)
+static bool read_element(ply_rows *r, const ply_element *element, plain_mesh *out)
 {
-    c->element = element;
+    ply_rows_enter(r, element);
     if (strcmp(element->name, "tristrips") == 0)
         return plain_mesh_refuse(
             out, ERROR_INPUT_UNSUPPORTED,
             "triangle strips of PLY files are read where they are the last element, one list of "
             "32-bit integers, and no element before them has lists. Save it as triangles.");
     if (strcmp(element->name, "vertex") == 0) {
-        if (out->vertices == 0) return read_vertices(c, element, out);
+        if (out->vertices == 0) return read_vertices(r, out);
         return plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
                                  "the PLY file has two elements \"vertex\". Save it with one.");
     }
-    if (strcmp(element->name, "face") == 0) return read_faces(c, element, out);
+    if (strcmp(element->name, "face") == 0) return read_faces(r, out);
     if (strcmp(element->name, "camera") == 0 && element->count > 0)
         plain_mesh_warn(out, "the file has a camera: vertices are not moved by it");
-    return pass_over(c, element);
+    return pass_over(r, out);
 }
 
 bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
@@ -212,11 +159,11 @@ bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
             "of the header of the PLY file is unknown, or where the file ends. Save it again.");
     }
     if (h.layout == PLY_TEXT && !plain_mesh_text(data, size, out)) return false;
-    cursor c = {data, data + h.body, data + size, h.layout, NULL, 0, out};
+    ply_rows r = ply_rows_begin(&h, data, size);
     for (int k = 0; k < h.elements; k++)
-        if (!read_element(&c, &h.element[k], out)) return false;
-    if (h.layout == PLY_TEXT) c.at += strspn(c.at, " \t\r\n");
-    return c.at == c.end || (h.layout == PLY_TEXT && !*c.at) ||
+        if (!read_element(&r, &h.element[k], out)) return false;
+    if (h.layout == PLY_TEXT) r.at += strspn(r.at, " \t\r\n");
+    return r.at == r.end || (h.layout == PLY_TEXT && !*r.at) ||
            plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                              "other data follow behind the last row of the PLY file");
 }

@@ -95,8 +95,3 @@ bool ply_header_read(const char *data, size_t size, ply_header *out)
     }
     return false;
 }
-
-double ply_number(const char *at, const ply_type *type, ply_layout layout)
-{
-    return number_value(at, type->number, layout == PLY_BIG ? NUMBER_BIG_SWAPPED : NUMBER_LITTLE_SWAPPED);
-}

@@ -49,7 +49,4 @@ typedef struct ply_header {
  * not understood; see `fault`. */
 bool ply_header_read(const char *data, size_t size, ply_header *out);
 
-/* The number of a binary file at `at`, which need not be aligned. */
-double ply_number(const char *at, const ply_type *type, ply_layout layout);
-
 #endif

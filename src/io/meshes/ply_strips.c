@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/ply_strips.h"
 
-#include <stdbool.h>
-#include <stdint.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "io/meshes/ply_header.h"
+#include "io/meshes/ply_rows.h"
 
 enum { LINE_MOST = 256, TEXT_TRIANGLE = 40, BINARY_TRIANGLE = 13 };
 
@@ -25,33 +24,6 @@ static const ply_element *find_strips(const ply_header *h)
     return last;
 }
 
-typedef struct cursor {
-    const char *at, *end;
-    ply_layout layout;
-} cursor;
-
-static bool read_number(cursor *c, int size, int64_t *out)
-{
-    if (c->layout == PLY_TEXT) {
-        char word[24];
-        size_t length = 0;
-        while (c->at < c->end && strchr(" \t\r\n", *c->at) && *c->at) c->at++;
-        while (c->at < c->end && !(strchr(" \t\r\n", *c->at) && *c->at) && length + 1 < sizeof word)
-            word[length++] = *c->at++;
-        word[length] = 0;
-        char *rest;
-        *out = strtoll(word, &rest, 10);
-        return length > 0 && !*rest;
-    }
-    uint32_t value = 0;
-    if (c->end - c->at < size || size > 4) return false;
-    for (int k = 0; k < size; k++)
-        value = value << 8 | (uint8_t)c->at[c->layout == PLY_BIG ? k : size - 1 - k];
-    c->at += size;
-    *out = size == 4 ? (int64_t)(int32_t)value : (int64_t)value;
-    return true;
-}
-
 static char *write_triangle(char *to, ply_layout as, const int64_t corner[3])
 {
     if (as == PLY_TEXT)
@@ -64,47 +36,38 @@ static char *write_triangle(char *to, ply_layout as, const int64_t corner[3])
     return to;
 }
 
-/* Writes the triangles where `to` is not NULL. Returns how many; SIZE_MAX: the data end early, or are not
- * numbers. */
-static size_t expand(const ply_element *strips, cursor c, char *to)
+typedef struct strip {
+    ply_rows rows;
+    int64_t v[3], held; /* the last vertices, and how many of them follow one another */
+    size_t triangles;
+    char *to; /* of the triangles, or NULL */
+} strip;
+
+static bool take_vertex(void *context, size_t k, double number)
 {
-    size_t count = 0;
-    for (uint64_t strip = 0; strip < strips->count; strip++) {
-        int64_t length, v[3] = {0, 0, 0};
-        if (!read_number(&c, (int)number_bytes(strips->property->length->number), &length)) return SIZE_MAX;
-        for (int64_t k = 0, held = 0; k < length; k++) {
-            int64_t next;
-            if (!read_number(&c, 4, &next) || next < -1 || next > INT32_MAX) return SIZE_MAX;
-            held = next < 0 ? 0 : held + 1;
-            v[0] = v[1];
-            v[1] = v[2];
-            v[2] = next;
-            if (held < 3) continue;
-            const int64_t turned[3] = {v[1], v[0], v[2]}; /* every second one runs the other way */
-            if (to) to = write_triangle(to, c.layout, held % 2 ? v : turned);
-            count++;
-        }
-    }
-    return count;
+    strip *s = context;
+    int64_t *v = s->v;
+    if (number == UINT32_MAX) number = -1; /* as an integer without a sign */
+    if (!(number >= -1 && number <= INT32_MAX && number == floor(number))) return false;
+    v[0] = v[1];
+    v[1] = v[2];
+    v[2] = (int64_t)number;
+    s->held = v[2] < 0 ? 0 : k == 0 ? 1 : s->held + 1;
+    if (s->held < 3) return true;
+    const int64_t turned[3] = {v[1], v[0], v[2]}; /* every second one runs the other way */
+    if (s->to) s->to = write_triangle(s->to, s->rows.layout, s->held % 2 ? v : turned);
+    s->triangles++;
+    return true;
 }
 
-/* Where the strips' data begin; NULL: beyond the end. */
-static const char *find_data(const ply_header *h, const char *data, size_t size)
+/* Writes the triangles of the strips at r, if `to` is not NULL. Returns their number; SIZE_MAX: the data end
+ * early, or are not numbers. */
+static size_t expand(const ply_rows *r, char *to)
 {
-    const char *at = data + h->body, *end = data + size;
-    for (int k = 0; k + 1 < h->elements; k++) {
-        const ply_element *element = &h->element[k];
-        if (h->layout != PLY_TEXT) {
-            if (element->row && element->count > (uint64_t)(end - at) / element->row) return NULL;
-            at += element->count * element->row;
-        }
-        for (uint64_t row = 0; at && h->layout == PLY_TEXT && row < element->count; row++) {
-            at = memchr(at, '\n', (size_t)(end - at));
-            if (at) at++;
-        }
-        if (!at) return NULL;
-    }
-    return at;
+    strip s = {.rows = *r, .to = to};
+    for (const ply_element *strips = r->element; s.rows.row < strips->count; s.rows.row++)
+        if (!ply_rows_read(&s.rows, NULL, NULL, strips->property, take_vertex, &s)) return SIZE_MAX;
+    return s.triangles;
 }
 
 ply_strips ply_strips_expand(char **data, size_t *size)
@@ -112,10 +75,13 @@ ply_strips ply_strips_expand(char **data, size_t *size)
     ply_header h;
     const ply_element *strips = ply_header_read(*data, *size, &h) ? find_strips(&h) : NULL;
     if (!strips) return PLY_STRIPS_READ;
-    const char *from = find_data(&h, *data, *size);
-    if (!from) return PLY_STRIPS_DAMAGED;
-    const cursor c = {from, *data + *size, h.layout};
-    size_t count = expand(strips, c, NULL), before = (size_t)(from - *data) - h.body;
+    ply_rows r = ply_rows_begin(&h, *data, *size);
+    for (const ply_element *element = h.element; element < strips; element++) {
+        ply_rows_enter(&r, element);
+        if (!ply_rows_skip(&r)) return PLY_STRIPS_DAMAGED;
+    }
+    ply_rows_enter(&r, strips);
+    const size_t count = expand(&r, NULL), before = (size_t)(r.at - *data) - h.body;
     if (count == SIZE_MAX) return PLY_STRIPS_DAMAGED;
     char *out = malloc(strips->line + LINE_MOST + before + count * TEXT_TRIANGLE + 1), *to = out;
     if (!out) return PLY_STRIPS_NO_MEMORY;
@@ -125,7 +91,7 @@ ply_strips ply_strips_expand(char **data, size_t *size)
     memcpy(to, *data + h.body, before);
     to += before;
     *to = 0; /* a file of no triangle */
-    expand(strips, c, to);
+    expand(&r, to);
     *size = (size_t)(to - out) + (h.layout == PLY_TEXT ? strlen(to) : count * BINARY_TRIANGLE);
     free(*data);
     *data = out;

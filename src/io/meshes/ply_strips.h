@@ -10,7 +10,7 @@
 
 typedef enum ply_strips { PLY_STRIPS_READ, PLY_STRIPS_NO_MEMORY, PLY_STRIPS_DAMAGED } ply_strips;
 
-/* *data is allocated with malloc. If the last element of the file is a list of strips (32-bit indices; -1
+/* *data is allocated with malloc, and (*data)[*size] is 0. If the last element of the file is a list of strips (32-bit indices; -1
  * begins a new strip), *data is freed and replaced by a file of triangles, also from malloc, and *size is
  * set. Any other file is not changed. PLY_STRIPS_READ: success, changed or not. PLY_STRIPS_DAMAGED: the
  * strips end early, or are not numbers. On failure *data is not changed. */

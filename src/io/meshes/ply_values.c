@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "io/meshes/ply_header.h"
+#include "io/meshes/ply_rows.h"
 
 /* What the library makes of places, colours and texture coordinates. */
 static const char known[] = " x y z nx ny nz red green blue alpha r g b a s t u v texture_u texture_v ";
@@ -27,43 +27,22 @@ static bool choose(const ply_element *vertex, int slot[PLY_PROPERTIES_MOST], ply
     return true;
 }
 
-/* Whether the rows are all there. */
-static bool read_rows(const char *data, size_t size, const ply_header *h, const int *slot, ply_values *out)
-{
-    const ply_element *vertex = h->element;
-    const char *at = data + h->body, *end = data + size;
-    if (h->layout != PLY_TEXT && vertex->count > (size - h->body) / vertex->row) return false;
-    for (size_t row = 0; row < vertex->count; row++)
-        for (int c = 0; c < vertex->properties; c++) {
-            double value;
-            if (h->layout == PLY_TEXT) {
-                char word[64] = "";
-                size_t n = 0;
-                while (at < end && strchr(" \t\r\n", *at)) at++;
-                while (at < end && !strchr(" \t\r\n", *at) && n < sizeof word - 1) word[n++] = *at++;
-                if (n == 0) return false;
-                value = strtod(word, NULL);
-            } else {
-                const ply_type *type = vertex->property[c].type;
-                value = ply_number(at, type, h->layout);
-                at += number_bytes(type->number);
-            }
-            if (slot[c] >= 0) out->value[slot[c]][row] = (float)value;
-        }
-    return true;
-}
-
 bool ply_values_read(const char *data, size_t size, ply_values *out)
 {
     ply_header h;
     int slot[PLY_PROPERTIES_MOST];
+    double number[MESH_VALUES_MOST];
     const ply_element *vertex = h.element;
-    bool good = ply_header_read(data, size, &h) && h.elements > 0 &&
-                vertex->count <= size && /* of a byte each at least */
-                choose(vertex, slot, out);
+    if (!ply_header_read(data, size, &h) || h.elements == 0) return true;
+    ply_rows r = ply_rows_begin(&h, data, size);
+    bool good = vertex->count <= ply_rows_at_most(&r) && choose(vertex, slot, out);
     for (uint32_t k = 0; good && k < out->count; k++)
         if (!(out->value[k] = calloc(vertex->count, sizeof(float)))) return false;
-    if (good && read_rows(data, size, &h, slot, out))
+    for (; good && r.row < vertex->count; r.row++) {
+        good = ply_rows_read(&r, slot, number, NULL, NULL, NULL);
+        for (uint32_t k = 0; good && k < out->count; k++) out->value[k][r.row] = (float)number[k];
+    }
+    if (good)
         out->vertices = vertex->count;
     else
         out->count = 0;

@@ -19,7 +19,7 @@ typedef struct ply_values {
     float *value[MESH_VALUES_MOST]; /* per property: one number for each vertex */
 } ply_values;
 
-/* Reads a file whose first element is `vertex`, with single numbers as properties. *out is zeroed before the
+/* Reads a file whose first element is `vertex`, with single numbers as properties. data[size] is 0. *out is zeroed before the
  * call. For any other file out->count is 0. False: no memory. */
 bool ply_values_read(const char *data, size_t size, ply_values *out);
 

@@ -6,78 +6,47 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "io/points/property.h"
 
 /* The columns of the points' own properties, in the order of output. */
 typedef struct own_column {
     const char *name;
-    column_type type;
-    size_t array; /* offset of the pointer in struct points */
-    size_t component, stride;
-    double scale;
-    enum {
-        ALWAYS,
-        WITH_COLOR,
-        BY_NAME
-    } written; /* in output of all columns: with a color attribute, or never */
+    property_own of;
+    int component;
+    bool by_name; /* not in output of all columns */
 } own_column;
 
-#define AXIS(name, array, axis)                                        \
-    {                                                                  \
-        name, COLUMN_REAL, offsetof(points, array), axis, 3, 1, ALWAYS \
-    }
-#define SINGLE(array)                                                 \
-    {                                                                 \
-#array, COLUMN_REAL, offsetof(points, array), 0, 1, 1, ALWAYS \
-    }
-#define SCALED(name, array, scale)                                       \
-    {                                                                    \
-        name, COLUMN_REAL, offsetof(points, array), 0, 1, scale, BY_NAME \
-    }
-#define TINT(name, axis)                                                      \
-    {                                                                         \
-        name, COLUMN_UCHAR, offsetof(points, color), axis, 3, 255, WITH_COLOR \
-    }
-#define TEXTURE(name, axis)                                         \
-    {                                                               \
-        name, COLUMN_REAL, offsetof(points, uv), axis, 2, 1, ALWAYS \
-    }
-
-#define TURN(name, component)                                                \
-    {                                                                        \
-        name, COLUMN_REAL, offsetof(points, orient), component, 4, 1, ALWAYS \
-    }
-
 static const own_column own[] = {
-    AXIS("x", position, 0),
-    AXIS("y", position, 1),
-    AXIS("z", position, 2),
-    AXIS("nx", normal, 0),
-    AXIS("ny", normal, 1),
-    AXIS("nz", normal, 2),
-    SINGLE(kappa),
-    SINGLE(kappa1),
-    SINGLE(kappa2),
-    SINGLE(alpha),
-    SINGLE(energy),
-    SINGLE(spacing),
-    SINGLE(spacing_local),
-    SINGLE(kappa_scale),
-    TINT("red", 0),
-    TINT("green", 1),
-    TINT("blue", 2),
-    TEXTURE("s", 0),
-    TEXTURE("t", 1),
-    SCALED("radius", spacing_local, 0.5),
-    SCALED("pscale", spacing_local, 0.5),
-    SCALED("quality", kappa, 1),
-    TURN("orient_x", 0),
-    TURN("orient_y", 1),
-    TURN("orient_z", 2),
-    TURN("orient_w", 3),
-    {"id", COLUMN_UINT, offsetof(points, id), 0, 1, 1, ALWAYS},
-    AXIS("velocity_x", velocity, 0),
-    AXIS("velocity_y", velocity, 1),
-    AXIS("velocity_z", velocity, 2),
+    {"x", PROPERTY_OWN_POSITION, 0, false},
+    {"y", PROPERTY_OWN_POSITION, 1, false},
+    {"z", PROPERTY_OWN_POSITION, 2, false},
+    {"nx", PROPERTY_OWN_NORMAL, 0, false},
+    {"ny", PROPERTY_OWN_NORMAL, 1, false},
+    {"nz", PROPERTY_OWN_NORMAL, 2, false},
+    {"kappa", PROPERTY_OWN_KAPPA, 0, false},
+    {"kappa1", PROPERTY_OWN_KAPPA1, 0, false},
+    {"kappa2", PROPERTY_OWN_KAPPA2, 0, false},
+    {"alpha", PROPERTY_OWN_ALPHA, 0, false},
+    {"energy", PROPERTY_OWN_ENERGY, 0, false},
+    {"spacing", PROPERTY_OWN_SPACING, 0, false},
+    {"spacing_local", PROPERTY_OWN_SPACING_LOCAL, 0, false},
+    {"kappa_scale", PROPERTY_OWN_KAPPA_SCALE, 0, false},
+    {"red", PROPERTY_OWN_COLOR, 0, false},
+    {"green", PROPERTY_OWN_COLOR, 1, false},
+    {"blue", PROPERTY_OWN_COLOR, 2, false},
+    {"s", PROPERTY_OWN_UV, 0, false},
+    {"t", PROPERTY_OWN_UV, 1, false},
+    {"radius", PROPERTY_OWN_RADIUS, 0, true},
+    {"pscale", PROPERTY_OWN_RADIUS, 0, true},
+    {"quality", PROPERTY_OWN_KAPPA, 0, true},
+    {"orient_x", PROPERTY_OWN_ORIENT, 0, false},
+    {"orient_y", PROPERTY_OWN_ORIENT, 1, false},
+    {"orient_z", PROPERTY_OWN_ORIENT, 2, false},
+    {"orient_w", PROPERTY_OWN_ORIENT, 3, false},
+    {"id", PROPERTY_OWN_ID, 0, false},
+    {"velocity_x", PROPERTY_OWN_VELOCITY, 0, false},
+    {"velocity_y", PROPERTY_OWN_VELOCITY, 1, false},
+    {"velocity_z", PROPERTY_OWN_VELOCITY, 2, false},
 };
 enum { OWN = sizeof own / sizeof *own, AXES = 3, IN_SEQUENCES = OWN - 4 };
 
@@ -94,18 +63,24 @@ static const struct application {
 };
 enum { APPLICATIONS = sizeof applications / sizeof *applications };
 
+static column_type type_of(const own_column *o)
+{
+    return o->of == PROPERTY_OWN_ID ? COLUMN_UINT : o->of == PROPERTY_OWN_COLOR ? COLUMN_UCHAR : COLUMN_REAL;
+}
+
 /* Sets a column of the points' own properties. False: the set does not have it. */
 static bool fill_own(const points *s, const own_column *o, column *out)
 {
-    const void *array;
-    memcpy(&array, (const char *)s + o->array, sizeof array);
-    *out = (column){.type = o->type, .stride = o->stride, .scale = o->scale};
+    const property_array *of = &property_arrays[o->of];
+    const void *array = property_array_of(s, o->of);
+    *out = (column){.type = type_of(o), .stride = (size_t)of->components, .scale = of->scale};
     snprintf(out->name, sizeof out->name, "%s", o->name);
-    if (o->type == COLUMN_UINT)
+    if (out->type == COLUMN_UCHAR) out->scale *= UINT8_MAX;
+    if (out->type == COLUMN_UINT)
         out->whole = array;
     else if (array)
         out->values = (const double *)array + o->component;
-    return array || o->type == COLUMN_UINT; /* without ids, ids are the indices of the points */
+    return array || out->type == COLUMN_UINT; /* without ids, ids are the indices of the points */
 }
 
 /* Whether the column is written in output of all columns. */
@@ -114,8 +89,8 @@ static bool is_written(const points *s, const own_column *o)
     bool has_color = false;
     for (size_t k = 0; k < s->attribute_count; k++)
         has_color |= s->attributes[k].kind == POINT_ATTRIBUTE_COLOR;
-    if (o->type == COLUMN_UINT) return s->id != NULL;
-    return o->written == ALWAYS || (o->written == WITH_COLOR && has_color);
+    if (o->of == PROPERTY_OWN_ID) return s->id != NULL;
+    return !o->by_name && (o->of != PROPERTY_OWN_COLOR || has_color);
 }
 
 column_type column_type_of_range(double least, double most)
@@ -256,18 +231,19 @@ bool columns_need_color(const char *const *names, size_t name_count)
         for (const char *const *name = a ? a->columns : NULL; name && *name; name++)
             if (strcmp(*name, "red") == 0) return true;
         for (int c = 0; c < OWN; c++)
-            if (own[c].written == WITH_COLOR && strcmp(names[k], own[c].name) == 0) return true;
+            if (own[c].of == PROPERTY_OWN_COLOR && strcmp(names[k], own[c].name) == 0) return true;
     }
     return false;
 }
 
 bool columns_is_own(const char *name)
 {
-    /* names of property_list that consist of several columns, names of VDB points, and the word for all
-     * attributes */
-    static const char *const others[] = {"position", "normal", "rgb", "texture", "P", "N", "attributes"};
+    /* names of VDB points, and the word for all attributes */
+    static const char *const others[] = {"P", "N", "attributes"};
+    for (property_own k = PROPERTY_OWN_POSITION; k <= PROPERTY_OWN_UV; k++)
+        if (strcmp(name, property_arrays[k].name) == 0) return true;
     for (int k = 0; k < OWN; k++)
-        if (strcmp(name, own[k].name) == 0 && own[k].array != offsetof(points, orient)) return true;
+        if (strcmp(name, own[k].name) == 0 && own[k].of != PROPERTY_OWN_ORIENT) return true;
     for (size_t k = 0; k < sizeof others / sizeof *others; k++)
         if (strcmp(name, others[k]) == 0) return true;
     return find_application(name) != NULL;
@@ -276,14 +252,14 @@ bool columns_is_own(const char *name)
 bool columns_is_of_orient(const char *name)
 {
     for (int k = 0; k < OWN; k++)
-        if (own[k].array == offsetof(points, orient) && strcmp(name, own[k].name) == 0) return true;
-    return strcmp(name, "orient") == 0;
+        if (own[k].of == PROPERTY_OWN_ORIENT && strcmp(name, own[k].name) == 0) return true;
+    return strcmp(name, property_arrays[PROPERTY_OWN_ORIENT].name) == 0;
 }
 
 bool columns_suits(const char *name, column_type type)
 {
     for (int k = 0; k < OWN; k++)
-        if (strcmp(name, own[k].name) == 0) return own[k].type == type;
+        if (strcmp(name, own[k].name) == 0) return type_of(&own[k]) == type;
     return true;
 }
 
@@ -296,19 +272,18 @@ double column_value(const column *c, size_t i)
                                                                  : round(value);
 }
 
-/* The column of the first component of an array, and its index in the list. NULL: not all components are
- * in the list. */
-static const own_column *array_of(const columns *list, size_t array)
+/* The column of the first component of a property. NULL: not all components are in the list. */
+static const own_column *first_column(const columns *list, property_own of)
 {
     const own_column *first = NULL;
-    size_t found = 0;
+    int found = 0;
     for (int k = 0; k < OWN; k++) {
-        if (own[k].array != array || own[k].written == BY_NAME) continue;
+        if (own[k].of != of || own[k].by_name) continue;
         if (!first) first = &own[k];
         for (size_t c = 0; c < list->count; c++)
-            found += list->list[c].type == own[k].type && strcmp(list->list[c].name, own[k].name) == 0;
+            found += list->list[c].type == type_of(&own[k]) && strcmp(list->list[c].name, own[k].name) == 0;
     }
-    return first && found == first->stride ? first : NULL;
+    return first && found == property_arrays[of].components ? first : NULL;
 }
 
 bool columns_lay_out(columns *list, points *set, void **storage, error *e)
@@ -316,12 +291,12 @@ bool columns_lay_out(columns *list, points *set, void **storage, error *e)
     double *next = mem_array(set->count, (list->count + 1) * sizeof *next, "the points of a file", e);
     *storage = next;
     for (int k = 0; next && k < OWN; k++) {
-        const own_column *first = array_of(list, own[k].array);
+        const own_column *first = first_column(list, own[k].of);
         if (first == &own[k]) {
-            memcpy((char *)set + own[k].array, &next, sizeof next);
-            next += set->count * own[k].stride;
+            memcpy((char *)set + property_arrays[own[k].of].member, &next, sizeof next);
+            next += set->count * (size_t)property_arrays[own[k].of].components;
         }
-        for (size_t c = 0; first && own[k].written != BY_NAME && c < list->count; c++)
+        for (size_t c = 0; first && !own[k].by_name && c < list->count; c++)
             if (strcmp(list->list[c].name, own[k].name) == 0) fill_own(set, &own[k], &list->list[c]);
     }
     for (size_t c = 0; next && c < list->count; c++) {

@@ -5,11 +5,32 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Adds a property of the set, if the set has it. */
-static void add(property *list, size_t *count, const char *name, property_role role, int components,
-                const void *values, double scale)
+#define ARRAY(member) offsetof(points, member)
+
+const property_array property_arrays[PROPERTIES_OWN] = {
+    [PROPERTY_OWN_POSITION] = {"position", PROPERTY_POSITION, 3, ARRAY(position), 1},
+    [PROPERTY_OWN_NORMAL] = {"normal", PROPERTY_NORMAL, 3, ARRAY(normal), 1},
+    [PROPERTY_OWN_COLOR] = {"rgb", PROPERTY_COLOR, 3, ARRAY(color), 1},
+    [PROPERTY_OWN_UV] = {"texture", PROPERTY_UV, 2, ARRAY(uv), 1},
+    [PROPERTY_OWN_RADIUS] = {"radius", PROPERTY_RADIUS, 1, ARRAY(spacing_local), 0.5},
+    [PROPERTY_OWN_KAPPA] = {"kappa", PROPERTY_OTHER, 1, ARRAY(kappa), 1},
+    [PROPERTY_OWN_KAPPA1] = {"kappa1", PROPERTY_OTHER, 1, ARRAY(kappa1), 1},
+    [PROPERTY_OWN_KAPPA2] = {"kappa2", PROPERTY_OTHER, 1, ARRAY(kappa2), 1},
+    [PROPERTY_OWN_ALPHA] = {"alpha", PROPERTY_OTHER, 1, ARRAY(alpha), 1},
+    [PROPERTY_OWN_ENERGY] = {"energy", PROPERTY_OTHER, 1, ARRAY(energy), 1},
+    [PROPERTY_OWN_SPACING] = {"spacing", PROPERTY_OTHER, 1, ARRAY(spacing), 1},
+    [PROPERTY_OWN_SPACING_LOCAL] = {"spacing_local", PROPERTY_OTHER, 1, ARRAY(spacing_local), 1},
+    [PROPERTY_OWN_KAPPA_SCALE] = {"kappa_scale", PROPERTY_OTHER, 1, ARRAY(kappa_scale), 1},
+    [PROPERTY_OWN_ORIENT] = {"orient", PROPERTY_ORIENT, 4, ARRAY(orient), 1},
+    [PROPERTY_OWN_ID] = {"id", PROPERTY_ID, 1, ARRAY(id), 1},
+    [PROPERTY_OWN_VELOCITY] = {"velocity", PROPERTY_MOTION, 3, ARRAY(velocity), 1},
+};
+
+const void *property_array_of(const points *set, property_own own)
 {
-    if (values) list[(*count)++] = (property){name, role, false, 0, components, values, scale, false, NULL};
+    const void *array;
+    memcpy(&array, (const char *)set + property_arrays[own].member, sizeof array);
+    return array;
 }
 
 const point_attribute *property_find_attribute(const point_attribute *list, size_t count, const char *name)
@@ -51,22 +72,20 @@ size_t property_list(const points *s, property *list)
     const point_attribute *velocity = NULL;
     for (size_t k = s->attribute_count; k-- > 0;)
         if (property_is_velocity(&s->attributes[k])) velocity = &s->attributes[k];
-    add(list, &n, "position", PROPERTY_POSITION, 3, s->position, 1);
-    add(list, &n, "normal", PROPERTY_NORMAL, 3, s->normal, 1);
-    add(list, &n, "rgb", PROPERTY_COLOR, 3, s->color, 1);
-    add(list, &n, "texture", PROPERTY_UV, 2, s->uv, 1);
-    add(list, &n, "radius", PROPERTY_RADIUS, 1, s->spacing_local, 0.5);
-    add(list, &n, "kappa", PROPERTY_OTHER, 1, s->kappa, 1);
-    add(list, &n, "kappa1", PROPERTY_OTHER, 1, s->kappa1, 1);
-    add(list, &n, "kappa2", PROPERTY_OTHER, 1, s->kappa2, 1);
-    add(list, &n, "alpha", PROPERTY_OTHER, 1, s->alpha, 1);
-    add(list, &n, "energy", PROPERTY_OTHER, 1, s->energy, 1);
-    add(list, &n, "spacing", PROPERTY_OTHER, 1, s->spacing, 1);
-    add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
-    add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
-    add(list, &n, "orient", PROPERTY_ORIENT, 4, s->orient, 1);
-    list[n++] = (property){"id", PROPERTY_ID, true, 0, 1, NULL, 1, false, s->id};
-    add(list, &n, "velocity", velocity ? PROPERTY_OTHER : PROPERTY_MOTION, 3, s->velocity, 1);
+    for (property_own k = 0; k < PROPERTIES_OWN; k++) {
+        const property_array *a = &property_arrays[k];
+        const void *array = property_array_of(s, k);
+        if (!array && k != PROPERTY_OWN_ID) continue;
+        list[n] =
+            (property){.name = a->name, .role = a->role, .components = a->components, .scale = a->scale};
+        if (k == PROPERTY_OWN_VELOCITY && velocity) list[n].role = PROPERTY_OTHER;
+        list[n].whole = k == PROPERTY_OWN_ID;
+        if (list[n].whole)
+            list[n].ids = array;
+        else
+            list[n].values = array;
+        n++;
+    }
     for (size_t k = 0; k < s->attribute_count; k++) {
         const point_attribute *a = &s->attributes[k];
         list[n++] = (property){a->name,

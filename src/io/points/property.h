@@ -42,8 +42,39 @@ typedef struct property {
     const uint32_t *ids; /* NULL, with `values` NULL: the indices of the points, from 0 */
 } property;
 
-/* Maximum number of properties that are not attributes. */
-enum { PROPERTIES_OWN = 17 };
+/* The properties that are not attributes, in the order of property_list. */
+typedef enum property_own {
+    PROPERTY_OWN_POSITION,
+    PROPERTY_OWN_NORMAL,
+    PROPERTY_OWN_COLOR,
+    PROPERTY_OWN_UV,
+    PROPERTY_OWN_RADIUS,
+    PROPERTY_OWN_KAPPA,
+    PROPERTY_OWN_KAPPA1,
+    PROPERTY_OWN_KAPPA2,
+    PROPERTY_OWN_ALPHA,
+    PROPERTY_OWN_ENERGY,
+    PROPERTY_OWN_SPACING,
+    PROPERTY_OWN_SPACING_LOCAL,
+    PROPERTY_OWN_KAPPA_SCALE,
+    PROPERTY_OWN_ORIENT,
+    PROPERTY_OWN_ID,
+    PROPERTY_OWN_VELOCITY,
+    PROPERTIES_OWN
+} property_own;
+
+typedef struct property_array {
+    const char *name;
+    property_role role;
+    int components;
+    size_t member; /* offset of its pointer in struct points, to doubles; of ids to uint32_t */
+    double scale;  /* value = scale * number */
+} property_array;
+
+extern const property_array property_arrays[PROPERTIES_OWN];
+
+/* The array of a property; NULL: the set does not have it. */
+const void *property_array_of(const points *set, property_own own);
 
 /* Lists the properties of the set, in a fixed order. `list` has PROPERTIES_OWN elements plus one per
  * attribute. Returns the number of properties. */

@@ -30,7 +30,7 @@ static const long most_files = 65536;
 
 /* The answer of the process to its only request. */
 typedef struct answer {
-    header head;
+    volume_header head;
     error_code code;
     char *text; /* the message, or the names of data files; capacity VOLUME_HEADER_TEXT_MAX */
     size_t text_length;

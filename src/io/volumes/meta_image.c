@@ -139,7 +139,8 @@ static bool check(const fields *f, char fault[META_IMAGE_FAULT_SIZE], error_code
     return true;
 }
 
-static bool find_type(const fields *f, header *out, char fault[META_IMAGE_FAULT_SIZE], error_code *code)
+static bool find_type(const fields *f, volume_header *out, char fault[META_IMAGE_FAULT_SIZE],
+                      error_code *code)
 {
     for (size_t k = 0; k < sizeof types / sizeof *types; k++)
         if (strcmp(f->type, types[k].name) == 0) {
@@ -156,7 +157,7 @@ static bool find_type(const fields *f, header *out, char fault[META_IMAGE_FAULT_
 
 /* Whether the orientation letters match the axes. A letter names the side where the axis starts; the world
  * axes point to the left (L), to posterior (P) and to superior (S). */
-static bool is_oriented(const header *out, const char *letters)
+static bool is_oriented(const volume_header *out, const char *letters)
 {
     static const char from[3][2] = {{'R', 'L'}, {'A', 'P'}, {'I', 'S'}};
     for (int k = 0; k < 3; k++) {
@@ -169,7 +170,7 @@ static bool is_oriented(const header *out, const char *letters)
     return true;
 }
 
-static void warn(const fields *f, header *out)
+static void warn(const fields *f, volume_header *out)
 {
     static const double none[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const bool turned = memcmp(f->turn, none, sizeof none) != 0;
@@ -188,7 +189,7 @@ static void warn(const fields *f, header *out)
 }
 
 /* Sets the location of the data. HeaderSize counts from the start of the data file, before decompression. */
-static void place_data(const fields *f, int64_t after_header, bool local, header *out)
+static void place_data(const fields *f, int64_t after_header, bool local, volume_header *out)
 {
     out->encoding = !f->binary ? VOLUME_HEADER_ASCII : f->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;
     out->swapped = f->big_endian != (__BYTE_ORDER == __BIG_ENDIAN);
@@ -197,7 +198,7 @@ static void place_data(const fields *f, int64_t after_header, bool local, header
     out->byte_skip = f->header_size == -1 ? -1 : 0;
 }
 
-static void place_samples(const fields *f, header *out)
+static void place_samples(const fields *f, volume_header *out)
 {
     const double *spacing = !isnan(f->spacing[0]) ? f->spacing : f->element_size;
     for (int k = 0; k < 3; k++) {
@@ -219,7 +220,7 @@ static char *trim(char *text)
 
 /* Sets *out from the fields. `at`: offset of the data after the field ElementDataFile, which is the last
  * one. */
-static bool describe(const fields *f, const char *value, int64_t at, header *out,
+static bool describe(const fields *f, const char *value, int64_t at, volume_header *out,
                      char name[META_IMAGE_NAME_SIZE], char fault[META_IMAGE_FAULT_SIZE], error_code *code)
 {
     const bool local =
@@ -242,7 +243,7 @@ static bool describe(const fields *f, const char *value, int64_t at, header *out
 }
 
 /* Keys of users and of DICOM (0020|000d) may be any text; values may be empty. */
-bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
+bool meta_image_parse(const char *text, volume_header *out, char name[META_IMAGE_NAME_SIZE],
                       char fault[META_IMAGE_FAULT_SIZE], error_code *code)
 {
     fields f = {.channels = 1,

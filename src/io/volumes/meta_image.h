@@ -17,7 +17,7 @@ bool meta_image_is(const char *text);
 /* Sets the members of *out that describe a volume, including warnings. `name`: the file that holds the data;
  * "" if they follow the header. False: `fault` has the reason why the file is not read, and *code whether it
  * is damaged or not supported. */
-bool meta_image_parse(const char *text, header *out, char name[META_IMAGE_NAME_SIZE],
+bool meta_image_parse(const char *text, volume_header *out, char name[META_IMAGE_NAME_SIZE],
                       char fault[META_IMAGE_FAULT_SIZE], error_code *code);
 
 #endif

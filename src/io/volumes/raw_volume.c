@@ -23,7 +23,7 @@ enum { BUFFER = 1 << 16 };
 
 typedef struct raw_volume {
     slices base; /* first: the slices' functions get this pointer */
-    header head;
+    volume_header head;
     const char *path;
     const slices_files *files;
     int fd;             /* descriptor of the header's file, owned by the caller */
@@ -38,7 +38,7 @@ typedef struct raw_volume {
     char buffer[BUFFER + 16];
 } raw_volume;
 
-static int size_of(const header *h)
+static int size_of(const volume_header *h)
 {
     return (int)number_bytes((number_type)h->type);
 }
@@ -324,7 +324,7 @@ static bool place_files(raw_volume *s, error *e)
 /* Chooses one of several volumes by its index; -1: none was requested. */
 static bool choose_volume(raw_volume *s, int64_t index, error *e)
 {
-    header *h = &s->head;
+    volume_header *h = &s->head;
     memcpy(s->base.size, h->size, sizeof s->base.size);
     s->base.volumes = h->volumes > 1 ? h->volumes : 1;
     if (!slices_choose_volume(&s->base, &index, e)) return false;

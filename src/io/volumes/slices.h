@@ -31,7 +31,7 @@ struct slices {
     int components;
     double vector_to_world[9];  /* rotation of vectors, row by row */
     double index_to_world[16];  /* row-major, column vectors */
-    char format[12], space[64]; /* as in header.h */
+    char format[12], space[64]; /* as in volume_header.h */
     const char *type;           /* of the numbers in the file, "uint8" for example; NULL: unknown */
     int64_t volumes;            /* number of volumes in the file; 0 counts as 1 */
     bool fine;                  /* values may need more than the 24 bits of a float */

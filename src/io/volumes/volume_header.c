@@ -18,7 +18,7 @@ static const int64_t largest_side = 1 << 20;
 /* And so is one with more samples; their bytes are far from the limits of 64 bits. */
 static const int64_t most_samples = (int64_t)1 << 50;
 
-static bool check_values(const header *h, error *e)
+static bool check_values(const volume_header *h, error *e)
 {
     for (int k = 0; k < 3; k++) {
         if (h->size[k] < 1 || h->size[k] > largest_side)
@@ -64,12 +64,13 @@ static bool check_values(const header *h, error *e)
            reader_invalid(e);
 }
 
-bool volume_header_read(int fd, const char *path, const char *program, header *out, char **files, error *e)
+bool volume_header_read(int fd, const char *path, const char *program, volume_header *out, char **files,
+                        error *e)
 {
     const char *slash = strrchr(path, '/');
     const reader_params params = {program, VOLUME_HEADER_COMMAND, slash ? slash + 1 : path,
                                   fd,      memory_limit,          seconds};
-    header h = {0};
+    volume_header h = {0};
     char *text = NULL;
     reader r;
     off_t size;

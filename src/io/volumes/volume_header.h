@@ -3,7 +3,7 @@
  * libraries.
  *
  * They run in a separate process (reader.h) that receives only the open file. It opens no other file, even if
- * the header names one. It answers a struct header. The text of the answer is the names of the data files,
+ * the header names one. It answers a volume_header. The text of the answer is the names of the data files,
  * one per line, as in the header.
  */
 #ifndef HEXAD_IO_VOLUMES_VOLUME_HEADER_H
@@ -27,7 +27,7 @@ typedef enum volume_header_encoding {
     VOLUME_HEADER_ENCODING_COUNT
 } volume_header_encoding;
 
-typedef struct header {
+typedef struct volume_header {
     uint32_t type, encoding;
     uint32_t swapped;    /* numbers are in the other byte order */
     uint32_t line_skip;  /* number of lines before the data, counted from `offset` */
@@ -46,7 +46,7 @@ typedef struct header {
     double slope, intercept;    /* value = slope * number + intercept */
     char format[12], space[64]; /* names of the axes of the world, or "" */
     dense_warnings warnings;
-} header;
+} volume_header;
 
 /* The program `read-header NAME MEMORY CPU_SECONDS`: reads the header of the file on descriptor 0, called
  * NAME, and writes the answer to descriptor 1. Returns the exit status; 0: the answer, which may be an error,
@@ -59,6 +59,7 @@ int header_reader_main(int argc, char **argv);
 /* Starts that process (of `program`, NULL: this one) and checks the answer. `fd` may be at any offset. *files
  * has the names of data files, one per line, or is NULL; the caller frees it. Errors, without the path:
  * input_damaged, input_unsupported, no_surface, internal. */
-bool volume_header_read(int fd, const char *path, const char *program, header *out, char **files, error *e);
+bool volume_header_read(int fd, const char *path, const char *program, volume_header *out, char **files,
+                        error *e);
 
 #endif

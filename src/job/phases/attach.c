@@ -390,7 +390,7 @@ static void fill_report(attach *a)
     report_warn_of_build(a->warnings, j->spec);
     a->warnings = NULL;
     json_put_array(report, "advice");
-    json_put_integer(report, "threads", threads_count(j->pool));
+    json_put_integer(json_put_object(report, "diagnostics"), "threads", threads_count(j->pool));
     json_put_integer(report, "peak_memory_bytes", job_peak_memory(j));
     const report_timing timing = job_timing(j);
     report_put_timing(report, &timing);

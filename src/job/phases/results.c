@@ -563,11 +563,10 @@ static json *new_summary(const json *report)
 {
     static const char *const members[] = {"outcome", "count",           "outputs", "inputs",
                                           "ratings", "outcome_reasons", "advice"},
-                             *const of_surface[] = {"warnings"}, *const of_quality[] = {"resolved_share"};
+                             *const of_surface[] = {"warnings"};
     json *whole = (json *)(uintptr_t)report, *summary = json_new_object();
     copy_members(whole, members, sizeof members / sizeof *members, summary);
     copy_members(json_find(whole, "/surface"), of_surface, 1, json_put_object(summary, "surface"));
-    copy_members(json_find(whole, "/quality"), of_quality, 1, json_put_object(summary, "quality"));
     return summary;
 }
 

@@ -44,10 +44,12 @@ char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_
                   to.spacing, PLAN_COUNT_MAX, other_remedy(s))
             : mem_printf("To distinguish the two sides of these walls, ask for %.0f points (spacing %.3g)",
                          to.count, to.spacing);
-    char *text =
-        mem_printf(of_surface ? "About %.3g %% of the surface are walls thinner than 1.2 spacings. %s."
-                              : "%.3g %% of the points are on walls thinner than 1.2 spacings. %s.",
-                   100 * share, how);
+    char *text = mem_printf(
+        of_surface
+            ? "About %.3g %% of the surface are walls thinner than 1.2 spacings. This matters only if triangles "
+              "are made from the points alone. %s."
+            : "%.3g %% of the points are on walls thinner than 1.2 spacings. %s.",
+        100 * share, how);
     free(how);
     return text;
 }

@@ -24,7 +24,8 @@ typedef struct advice_resolution {
 advice_resolution advice_resolve(double area, size_t count, double factor);
 
 /* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and
- * the resolution that separates them. The caller frees it. */
+ * the resolution that separates them. The share of the surface is for results whose points represent it, and
+ * for estimates: the warning says when it matters. The caller frees it. */
 char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to);
 
 /* Appends an item and returns its object `set`, which `list` owns. */

@@ -191,35 +191,20 @@ static void put_surface(json *report, const report_facts *facts)
     put_mesh(report, warnings, facts);
 }
 
-static void put_cells(json *object, const measures *m)
-{
-    json_put_number(object, "hex_fraction", m->hex_fraction);
-    json_put_number(object, "edge_cv", m->edge_cv);
-    json_put_number(object, "area_cv", m->area_cv);
-}
-
-/* Members of version 1.0 that measures over all points have replaced; doc/stability.md keeps them. */
-static void put_deprecated(json *object, const measures *m, size_t count)
-{
-    put_cells(json_put_object(object, "all"), m);
-    json_put_integer(object, "rim_count", 0);
-    json_put_integer(object, "ambiguous_count", (int64_t)m->thin_count);
-    json_put_integer(object, "unresolved_count", (int64_t)m->thin_count);
-    json_put_integer(object, "resolved_count", (int64_t)(count - m->thin_count));
-    json_put_number(object, "resolved_share", 1 - (double)m->thin_count / (double)count);
-}
-
 static void put_quality(json *report, const report_facts *facts)
 {
     const measures *m = facts->measures;
     json *object = json_put_object(report, "quality");
-    put_cells(object, m);
+    json_put_number(object, "hex_fraction", m->hex_fraction);
+    json_put_number(object, "edge_cv", m->edge_cv);
+    json_put_number(object, "area_cv", m->area_cv);
     json_put_number(object, "energy_excess", m->energy_excess);
     json_put_number(object, "disorder", m->disorder);
     json_put_number(object, "defect_share", m->defect_share);
     json_put_number(object, "min_spacing_ratio", m->min_spacing_ratio);
     json_put_number(object, "close_share", m->close_share);
     json_put_integer(object, "coincident", (int64_t)m->coincident);
+    json_put_integer(object, "thin_count", (int64_t)m->thin_count);
     json_put_number(object, "coverage", m->coverage);
     json_put_number(object, "missing_share", m->missing_share);
     json *parts = json_put_object(object, "parts_without_points");
@@ -235,7 +220,6 @@ static void put_quality(json *report, const report_facts *facts)
     json *graded = json_put_object(object, "grading");
     json_put_number(graded, "cv", m->grading_cv);
     json_put_number(graded, "exponent", m->grading_exponent);
-    put_deprecated(object, m, solver_result_points(facts->solver)->count);
 }
 
 static void put_rounds(json *report, const solver *s)
@@ -383,8 +367,7 @@ static void put_target(json *report, const report_facts *facts)
     }
 }
 
-/* Adds the members that describe the solve and not its result: to `diagnostics`, and until version 2 also to
- * the report itself. */
+/* Adds the members that describe the solve and not its result. */
 static void put_diagnostics(json *object, const report_facts *facts)
 {
     const solver_points *solved = solver_result_points(facts->solver);
@@ -416,7 +399,6 @@ void report_fill(json *report, const report_facts *facts)
                          solver_spacing(facts->solver), facts->source->whole.labels, report);
     json_put_number(report, "spacing", solver_spacing(facts->solver));
     put_diagnostics(json_put_object(report, "diagnostics"), facts);
-    put_diagnostics(report, facts);
     put_quality(report, facts);
     ratings_describe(facts->measures, facts->spec->pattern == SPEC_PATTERN_BLUE_NOISE, report);
     put_rounds(report, facts->solver);

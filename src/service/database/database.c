@@ -673,7 +673,7 @@ database *database_open(const char *state_dir, error *e)
     char *path = mem_printf("%s/" DATABASE_FILE_NAME, state_dir);
     int lock_fd = filesystem_check(state_dir, e) ? lock_take(state_dir, NULL, e) : -1;
     database *d = NULL;
-    if (lock_fd < 0 || !clear_copies(state_dir, e) || !header_check(path, e))
+    if (lock_fd < 0 || !header_check(path, e) || !clear_copies(state_dir, e))
         error_prefix(e, "%s", path);
     else {
         reserve_lend(state_dir);

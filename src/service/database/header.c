@@ -11,9 +11,10 @@
 
 #include "base/core/memory.h"
 #include "service/database/health.h"
+#include "service/database/schema.h"
 
 /* https://www.sqlite.org/fileformat.html, 1.3 */
-enum { MAGIC_BYTES = 16, PAGE_SIZE_AT = 16, PAGE_COUNT_AT = 28, HEADER_BYTES = 100 };
+enum { MAGIC_BYTES = 16, PAGE_SIZE_AT = 16, PAGE_COUNT_AT = 28, USER_VERSION_AT = 60, HEADER_BYTES = 100 };
 static const char magic[MAGIC_BYTES] = "SQLite format 3";
 
 bool header_exists(const char *state_dir)
@@ -52,7 +53,11 @@ static bool check(const uint8_t header[HEADER_BYTES], int64_t bytes, error *e)
     if (memcmp(header, magic, MAGIC_BYTES) != 0)
         return damaged(e, "the file does not have the header of a database");
     if (size < 512 || (size & (size - 1))) return damaged(e, "its header has no page size");
-    if (bytes >= size * count && bytes % size == 0) return true;
+    if (bytes >= size * count && bytes % size == 0) {
+        int32_t version = 0;
+        for (int i = 0; i < 4; i++) version = version << 8 | header[USER_VERSION_AT + i];
+        return schema_check_version(version, e);
+    }
     char *what =
         mem_printf("the file has %lld bytes instead of %lld", (long long)bytes, (long long)(size * count));
     damaged(e, what);

@@ -16,8 +16,9 @@
 /* Whether a database that is not empty exists; then database_open does not create one. */
 bool header_exists(const char *state_dir);
 
-/* Error: database_damaged (the file is not a database, or its length does not match its header). A missing or
- * empty file passes. A file with a write-ahead log passes, too, because the log may have newer pages. */
+/* Errors: database_damaged (the file is not a database, or its length does not match its header); internal
+ * (schema_check_version). A missing or empty file passes. A file with a write-ahead log passes, too, because
+ * the log may have newer pages. */
 bool header_check(const char *path, error *e);
 
 #endif

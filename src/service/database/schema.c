@@ -360,125 +360,6 @@ static const char tables[] =
 
 static const char set_version[] = "PRAGMA user_version = " TEXT(SCHEMA_VERSION);
 
-/* Migration from version 1, which had no tasks: a job had the attempts. */
-static const char set_old_aside[] =
-    "DROP INDEX job_waiting; DROP INDEX job_by_state;"
-    "ALTER TABLE attempt RENAME TO attempt_1; ALTER TABLE job RENAME TO job_1;";
-
-static const char carry_over[] =
-    "INSERT INTO job (seq, id, owner, state, outcome, priority, threads, memory_mb, max_attempts, tasks, "
-    "ready,"
-    "  running, succeeded, failed, cancelled, timed_out, not_converged, is_cancelled, attempts, created_ms,"
-    "  started_ms, finished_ms, name, labels, error_code, error_message)"
-    " SELECT seq, id, '', state, outcome, priority, 1, 0, max_attempts, 1, state = 'queued',"
-    "  state IN ('running', 'cancelling'), state = 'succeeded', state = 'failed', state = 'cancelled',"
-    "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), "
-    "attempt,"
-    "  created_ms, started_ms, finished_ms, name, labels, error_code, error_message FROM job_1;"
-    "INSERT INTO spec (job, spec) SELECT seq, spec FROM job_1;"
-    "INSERT INTO task (job, number, state, outcome, attempt, spent, started_ms, finished_ms, error_code,"
-    "  error_message)"
-    " SELECT seq, 0, CASE state WHEN 'cancelling' THEN 'running' ELSE state END, outcome, attempt, spent,"
-    "  started_ms, finished_ms, error_code, error_message FROM job_1;"
-    "INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, signal, "
-    "peak_memory_bytes, reason)"
-    " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
-    "attempt_1;"
-    "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
-    "INSERT INTO event (at_ms, job, type, state, outcome)"
-    " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
-    "1;"
-    "DROP TABLE attempt_1; DROP TABLE job_1;";
-
-/* Migration from version 2, which did not map paths. */
-static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
-
-/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for
- * ever. Notes which uploaded files the existing specs read. */
-static const char add_times_and_inputs[] =
-    "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
-    "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
-    "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
-
-/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the
- * highest missing number is the last deleted event. */
-static const char add_removed_events[] = REMOVED_EVENTS
-    "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
-    "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
-    "    (SELECT 1 FROM event WHERE seq = first.seq - 1) ORDER BY seq DESC LIMIT 1), 0) END"
-    "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
-    "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
-
-/* Migration from version 4, in which a full disk failed jobs and copies left temporary files. */
-static const char add_storage[] =
-    "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
-
-/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every
- * directory without a job. The database gets its instance id later. */
-static const char add_instance[] =
-    INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
-static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
-
-/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not
- * reused. */
-static const char add_execution[] = "ALTER TABLE spec ADD COLUMN " TIMEOUT ";"
-                                    "ALTER TABLE spec ADD COLUMN " STALL ";"
-                                    "ALTER TABLE spec ADD COLUMN " DIRECTORY ";"
-                                    "ALTER TABLE spec ADD COLUMN " CACHE_KEY ";";
-static const char read_execution[] =
-    "UPDATE spec SET"
-    "  timeout_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.timeout_s'), 0) AS INTEGER),"
-    "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
-    "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
-
-/* Migration from version 5, in which the id of a notification was its number. */
-static const char add_outbox_event[] =
-    "ALTER TABLE outbox ADD COLUMN " OUTBOX_EVENT ";"
-    "ALTER TABLE outbox ADD COLUMN " OUTBOX_ENDED ";"
-    "UPDATE outbox SET event = lower(hex(randomblob(13))),"
-    "  ended_ms = (SELECT coalesce(finished_ms, created_ms) FROM job WHERE seq = outbox.job);";
-
-/* Migration from version 5, in which jobs were counted one by one. */
-static const char add_state_count[] =
-    STATE_COUNT "INSERT INTO state_count SELECT state, count(*) FROM job GROUP BY state;";
-
-/* Migration from version 6, in which users had no turns: every user starts without one. */
-static const char add_turns[] = "DROP TABLE owner;" OWNER;
-static const char find_owners[] =
-    "INSERT INTO owner (name, unfinished, running, pass) SELECT owner, count(*), sum(running), 0 FROM job"
-    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
-    "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
-/* Migration from version 7, which had two outcomes. */
-#define WIDEN_OUTCOME(table)                                  \
-    "ALTER TABLE " table " RENAME COLUMN outcome TO earlier;" \
-    "ALTER TABLE " table " ADD COLUMN " OUTCOME ";"           \
-    "UPDATE " table " SET outcome = earlier;"                 \
-    "ALTER TABLE " table " DROP COLUMN earlier;"
-static const char add_unresolved[] =
-    WIDEN_OUTCOME("job") WIDEN_OUTCOME("task") "ALTER TABLE job ADD COLUMN " UNRESOLVED ";";
-
-/* Migration from version 7, in which jobs depended on success only. */
-static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
-
-/* Migration from version 8, which did not store the disk space of jobs. It is measured later. */
-static const char add_usage[] = "ALTER TABLE job ADD COLUMN " RESULT_BYTES ";"
-                                "ALTER TABLE job ADD COLUMN " DELIVERED ";"
-                                "ALTER TABLE job ADD COLUMN " DELIVERED_MS ";"
-                                "ALTER TABLE task ADD COLUMN " IS_DELIVERED ";" USAGE;
-static const char find_usage[] =
-    "DELETE FROM usage; UPDATE service SET results = 0;"
-    "INSERT INTO usage SELECT owner, sum(succeeded + failed + timed_out), 0 FROM job"
-    "  WHERE succeeded + failed + timed_out > 0 GROUP BY owner;"
-    "UPDATE job SET result_bytes = NULL,"
-    "  delivered_ms = iif(finished_ms IS NOT NULL AND succeeded = 0, finished_ms, NULL);";
-
-/* Migration from version 9, in which lists were not sorted. */
-static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
-
-/* Migration from version 10, which stored only the start and the end of an attempt. */
-static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
-                                            "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
-
 /* Migration from version 11, in which only the wall clock determined the end of a retention or a wait. A
  * delayed task then starts at once after the clock was set back. */
 static const char add_running[] =
@@ -519,44 +400,30 @@ static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
-/* The migrations from the versions `first` to `last`, in this order. Version 0: an empty database. */
+/* Migration from builds before 1.0.0. The cache keys of some have no commit, so no result of them is reused.
+ * Attempts that still run have keys of the earlier build. */
+static const char forget_results[] = "DELETE FROM cache; UPDATE spec SET cache_key = NULL;";
+
+/* The migrations from the versions `first` to `last`, in this order. Version 0: an empty database. A stored
+ * spec has every default of the build that stored it. A step for a renamed member or a removed word rewrites
+ * the table spec, so that jobs that wait still run. */
 static const struct step {
     int first, last;
     const char *sql;
 } steps[] = {
-    {1, 1, set_old_aside},
-    {0, 1, tables},
-    {1, 1, carry_over},
-    {2, 2, add_paths},
-    {2, 3, add_times_and_inputs},
-    {2, 4, add_removed_events},
-    {2, 4, add_storage},
-    {2, 4, add_instance},
-    {2, 4, add_execution},
-    {1, 4, read_execution},
-    {1, 4, leave_unnamed},
-    {2, 5, add_outbox_event},
-    {2, 5, add_state_count},
-    {2, 14,
-     add_max_running}, /* these three before indexes and find_owners, whose condition has their columns */
-    {2, 16, add_chunks},
-    {2, 15, add_frame_needs},
+    {0, 0, tables},
+    {11, 14, add_max_running}, /* these three before the index job_ready, whose condition has their columns */
+    {11, 16, add_chunks},
+    {11, 15, add_frame_needs},
     {16, 16, renew_ready},
-    {2, 6, add_turns},
-    {1, 6, find_owners},
-    {2, 7, add_any_end},
-    {2, 7, add_unresolved},
-    {2, 8, add_usage},
-    {1, 8, find_usage},
-    {8, 9, add_sorted},
-    {2, 10, add_times_of_attempts},
-    {2, 11, add_running},
-    {2, 11, add_reports},
-    {2, 12, add_undelivered},
-    {2, 13, add_accept},
-    {2, 17, add_cached_shown},
-    {1, 11, find_linked_reports},
-    {1, 11, find_copies},
+    {11, 11, add_running},
+    {11, 11, add_reports},
+    {11, 12, add_undelivered},
+    {11, 13, add_accept},
+    {11, 17, add_cached_shown},
+    {11, 18, forget_results},
+    {11, 11, find_linked_reports},
+    {11, 11, find_copies},
 };
 
 bool schema_error_is_damage(int code)
@@ -719,20 +586,32 @@ static bool check_tables(sqlite3 *database, error *e)
     return ok;
 }
 
-bool schema_prepare(sqlite3 *database, error *e)
+bool schema_check_version(int version, error *e)
 {
-    int version = 0;
-    if (!run(database,
-             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
-             "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
-             e) ||
-        !read_version(database, &version, e))
-        return false;
     if (version > SCHEMA_VERSION)
         return error_set(
             e, ERROR_INTERNAL,
             "the database of the queue has version %d, and this hexad supports up to %d: run the "
             "newer hexad that wrote it, or choose another state_dir",
             version, SCHEMA_VERSION);
-    return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
+    return version == 0 || version >= SCHEMA_OLDEST ||
+           error_set(
+               e, ERROR_INTERNAL,
+               "the database of the queue has version %d, and this hexad converts versions %d to %d. It is "
+               "unchanged. Start the build that wrote it, or choose another state_dir",
+               version, SCHEMA_OLDEST, SCHEMA_VERSION - 1);
+}
+
+bool schema_prepare(sqlite3 *database, error *e)
+{
+    int version = 0;
+    /* closing a database that is refused must not move its log into it */
+    sqlite3_db_config(database, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
+    if (!read_version(database, &version, e) || !schema_check_version(version, e)) return false;
+    sqlite3_db_config(database, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0, NULL);
+    return run(database,
+               "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+               "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
+               e) &&
+           (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
 }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* schema: the tables of the queue's database, and their version.
  *
- * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A
- * newer version is refused, because writing to it could lose data that this program does not support.
+ * The version is SQLite's user_version. An empty database gets all tables. Versions from SCHEMA_OLDEST on are
+ * migrated. An older version is refused. A newer version is refused, because writing to it could lose data
+ * that this program does not support. A database that is refused is unchanged.
  */
 #ifndef HEXAD_SERVICE_DATABASE_SCHEMA_H
 #define HEXAD_SERVICE_DATABASE_SCHEMA_H
@@ -13,7 +14,9 @@
 
 #include "base/core/error.h"
 
-#define SCHEMA_VERSION 18
+#define SCHEMA_VERSION 19
+/* The oldest version that is migrated: commit d10413d0. */
+#define SCHEMA_OLDEST 11
 
 /* Sort key for the order by name. */
 #define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
@@ -48,6 +51,9 @@
 /* SQL condition on a row of job: results could not be copied to output.directory, and the owner has not
  * downloaded them. */
 #define SCHEMA_UNDELIVERED "copy_state = 'failed' AND delivered_ms IS NULL"
+
+/* Whether this program opens a database of this version; 0: an empty one. */
+bool schema_check_version(int version, error *e);
 
 /* Creates or migrates the tables and compares them with the expected schema. Error: database_damaged (they
  * cannot be read or differ; the message has the required actions). */

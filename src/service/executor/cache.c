@@ -10,6 +10,7 @@
 
 #include "base/core/memory.h"
 #include "base/json/json.h"
+#include "service/executor/commit.inc"
 #include "service/results/own_report.h"
 #include "service/results/result.h"
 #include "service/uploads/upload_store.h"
@@ -30,6 +31,17 @@ static json *copy_without(json_at object, const char *const *members, size_t cou
     return copy;
 }
 
+bool cache_identifies_build(void)
+{
+    return !strchr(PACKAGE_VERSION, '~') || *HEXAD_COMMIT;
+}
+
+/* A release candidate has the version of other commits. */
+static const char *build_name(void)
+{
+    return strchr(PACKAGE_VERSION, '~') ? PACKAGE_VERSION "\n" HEXAD_COMMIT : PACKAGE_VERSION;
+}
+
 bool cache_key(const json *spec, char key[STORE_HASH_SIZE])
 {
     static const char *const of_the_job[] = {"name", "limits", "queue", "output"};
@@ -40,7 +52,7 @@ bool cache_key(const json *spec, char key[STORE_HASH_SIZE])
     if (can) {
         json *rest = copy_without(root, of_the_job, sizeof of_the_job / sizeof *of_the_job);
         json_put(rest, "output", copy_without(output, of_the_output, 1));
-        char *text = json_print(rest), *whole = mem_printf(PACKAGE_VERSION "\n%s", text);
+        char *text = json_print(rest), *whole = mem_printf("%s\n%s", build_name(), text);
         store_hash(whole, strlen(whole), key);
         free(whole);
         free(text);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* cache: reuse of results for jobs that are equal to an earlier one.
  *
- * The key is a hash of the program's version and of those parts of the spec that a result depends on. A job
- * with a time target has no key. An entry describes every input file as it was when the result was computed:
+ * The key is a hash of the program's version and of those parts of the spec that a result depends on. For a
+ * release candidate (a version with ~) it contains the commit, too. A job with a time target has no key. An entry describes every input file as it was when the result was computed:
  * path, size, device, inode, times of change, and SHA-256. The entry is valid while none of these has
  * changed. Checking that reads no file. Jobs with a task per frame are not cached. No state; any thread.
  */
@@ -16,6 +16,10 @@
 #include "service/results/result.h"
 #include "files/file.h"
 #include "files/root.h"
+
+/* False: this is a release candidate that was built without its commit. Its keys are equal to those of other
+ * such builds of the same version. */
+bool cache_identifies_build(void);
 
 /* The key of a normalised spec for this version of the program: equal keys, equal results. False: the result
  * of such a job is never reused. */

@@ -122,11 +122,9 @@ static void copy_member(json_at from, const char *key, json *to)
 /* Prints the notes of a report, or of a stored list, which contains them as a member. To be freed. */
 static char *read_notes(json_at report)
 {
-    json_at kept = json_member(&report, "notes"), surface = json_member(&report, "surface"),
-            quality = json_member(&report, "quality");
+    json_at kept = json_member(&report, "notes"), surface = json_member(&report, "surface");
     if (json_type_of(kept) == JSON_OBJECT) return json_print(kept.node);
     json *notes = json_new_object();
-    copy_member(quality, "resolved_share", notes);
     copy_member(report, "ratings", notes);
     copy_member(report, "outcome_reasons", notes);
     copy_member(surface, "warnings", notes);
