@@ -48,10 +48,10 @@ def figures(row):
 def samplers(told):
     """All rows. Surfaces that were left out have a row of their own, with the reason."""
     rows = [[f"{r['surface']} {r['asked']} {tool_name(r)}", r["surface"], r["asked"], r["tool"], r["threads"], *figures(r),
-             r.get("outcome"), r.get("missing")] for r in sorted(told["rows"], key=lambda r: (r["surface"], r["asked"]))]
-    left_out = [[name, name, *[None] * (4 + len(COLUMNS)), surface["missing"]]
+             r.get("outcome"), r.get("missing"), r["run"][:10]] for r in sorted(told["rows"], key=lambda r: (r["surface"], r["asked"]))]
+    left_out = [[name, name, *[None] * (4 + len(COLUMNS)), surface["missing"], told["run"]["id"][:10]]
                 for name, surface in told["surfaces"].items() if "missing" in surface]
-    head = ["row", "surface", "points_requested", "tool", "threads", *(title for _, title, _ in COLUMNS), "outcome", "reason_left_out"]
+    head = ["row", "surface", "points_requested", "tool", "threads", *(title for _, title, _ in COLUMNS), "outcome", "reason_left_out", "date"]
     return head, rows + left_out
 
 

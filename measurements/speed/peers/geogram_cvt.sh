@@ -8,5 +8,5 @@ prefix=$1 count=$2 seed=$4 output=$5
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$HEXAD_GEOGRAM" "$prefix.ply" "$work/points.ply" profile=scan remesh:nb_pts="$count" opt:nb_Lloyd_iter=5 opt:nb_Newton_iter=30 \
-    remesh:multi_nerve=false post=false algo:random_seed="$seed" sys:multithread=false >/dev/null
+    remesh:multi_nerve=false post=false algo:random_seed="$seed" sys:multithread=false algo:parallel=false >/dev/null
 mv "$work/points.ply" "$output"
