@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs this sampler and its peers on the same surfaces, and writes what each took and how good its packing is.
 
-    measurements/speed/bench.py --built BUILD [--page measurements/speed/performance.md] [--results measurements/speed/results.json] [--surfaces torus,sphere]
-                   [--counts 1e3,1e5] [--tools hexad,teem,vtk] [--runs 5] [--budget SECONDS] [--continue]
+    measurements/speed/bench.py --built BUILD [--output FOLDER] [--surfaces torus,sphere] [--counts 1e3,1e5]
+                                [--tools hexad,teem,vtk] [--runs 5] [--budget SECONDS] [--continue]
 
-One run on one machine. What is not given is everything; a peer whose package is not installed is left out, and the
-page says so. --budget: what all runs of one case may take; one run that is expected to take more, by the count before
-it, is left out, and fewer than --runs are made where more do not fit. --continue: the rows of the same build on the
-same machine that are there stay, and those that were asked for are added. HEXAD_SHARED: directory of the data from
-outside.
+One run on one machine. Writes results.json, and from it samplers.csv, comparison.csv, bounds.csv and kernels.csv, to FOLDER
+(measurements/speed); prints the bounds that are missed. What is not given is everything; a peer whose package is not installed is left out.
+--budget: what all runs of one case may take. A case of which one run is expected to take more, by the count before it, is left out; where
+more runs do not fit, fewer than --runs are made. --continue: adds to the rows of the same build on the same machine that are there.
+HEXAD_SHARED: directory of the data from outside. HEXAD_GEOGRAM, HEXAD_ACVD: the executables vorpalite and ACVD.
 """
 import argparse
 import datetime
@@ -24,13 +24,13 @@ import tempfile
 
 import prepared_inputs
 import packing
-import page
 import samplers
+import tables
 from prepared_inputs import Absent
 from samplers import Failed
 
 HERE = pathlib.Path(__file__).resolve().parent
-ALL = (samplers.Hexad(), *samplers.PEERS_OF_DEBIAN)
+ALL = (samplers.Hexad(), *samplers.PEERS)
 COUNTS = [10 ** 3, 10 ** 4, 10 ** 5, 10 ** 6, 10 ** 7]
 # Cases that only claims about this sampler need: counts of surfaces that are not held against others, and threads.
 OURS = {"ellipsoid-even": [10 ** 5], "torus-formula": [10 ** 6], "quartic-formula": [10 ** 3]}
@@ -73,7 +73,8 @@ def run_case(sampler, surface, count, foretold, options, where):
     while len(runs) < options.runs and (not runs or spent + runs[-1]["wall_s"] <= options.budget):
         runs.append(one_run(sampler, surface, count, 1 + len(runs), PATIENCE * options.budget, options, where))
         spent += runs[-1]["wall_s"]
-    return {**median_row(runs), "runs": len(runs)}
+    times = [r["cpu_s"] for r in runs]
+    return {**median_row(runs), "cpu_s_least": min(times), "cpu_s_most": max(times), "runs": len(runs)}
 
 
 def cases_of(surface_name, options, tools):
@@ -106,14 +107,14 @@ def run_surface(surface, options, tools, results, where):
             row = {"missing": str(why)}
             failed.setdefault(who, count)
         results.add({"tool": sampler.name, "surface": surface.name, "asked": count, "threads": sampler.threads, **row})
-        print(page.console_line(results.rows[-1]), flush=True)
+        print(tables.console_line(results.rows[-1]), flush=True)
 
 
 class Results:
     """The rows of one run, kept in a file after each."""
 
     def __init__(self, options):
-        self.path, self.rows, self.surfaces, self.peers = options.results, [], {}, {}
+        self.path, self.rows, self.surfaces, self.peers = options.output / "results.json", [], {}, {}
         self.run = {"id": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%MZ"),
                     "cpu": cpu_model(), "cores": len(os.sched_getaffinity(0)),
                     "worker": hashlib.sha256((options.built / "hexad-worker").read_bytes()).hexdigest()}
@@ -125,14 +126,7 @@ class Results:
         if "kernels" not in self.run:
             self.run["kernels"] = kernels(options.built)
 
-    def kernel_ns(self, surface):
-        """What an update costs in this run by the kernel benchmark, at its fastest: on formulas or on volumes."""
-        field = "formula" if surface.endswith("-formula") else "tricubic"
-        return min((k["ns"] for k in self.run["kernels"] if k["field"].startswith(field)), default=None)
-
     def add(self, row):
-        if row["tool"] == "hexad" and self.run["kernels"]:
-            row = {**row, "kernel_ns": self.kernel_ns(row["surface"])}
         same = ("tool", "surface", "asked", "threads")
         self.rows = [r for r in self.rows if any(r[k] != row[k] for k in same)] + [{"run": self.run["id"], **row}]
         ours = {(r["surface"], r["asked"]): r["cpu_s"] for r in self.rows
@@ -190,8 +184,7 @@ def chosen_tools(names, built, results):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--built", required=True, type=lambda p: pathlib.Path(p).resolve())
-    parser.add_argument("--page", default=HERE / "performance.md", type=pathlib.Path)
-    parser.add_argument("--results", default=HERE / "results.json", type=pathlib.Path)
+    parser.add_argument("--output", default=HERE, type=pathlib.Path)
     words = lambda text: text.split(",")  # noqa: E731
     parser.add_argument("--surfaces", default=list(prepared_inputs.SURFACES), type=words)
     parser.add_argument("--counts", default=COUNTS, type=lambda text: [int(float(n)) for n in words(text)])
@@ -216,7 +209,7 @@ def main():
     options = arguments()
     results = Results(options)
     tools = chosen_tools(options.tools, options.built, results)
-    print(page.console_head(), flush=True)
+    print(tables.console_head(), flush=True)
     for name in options.surfaces:
         with tempfile.TemporaryDirectory() as where:
             try:
@@ -228,9 +221,9 @@ def main():
             results.surfaces[name] = {"area": surface.area, "graded": surface.graded}
             run_surface(surface, options, tools, results, pathlib.Path(where))
     results.write()
-    told = json.loads(options.results.read_text(encoding="utf-8"))
-    below = page.kept(options.page)
-    options.page.write_text(page.whole(told, packing.MOST) + (f"\n{below}" if below else ""), encoding="utf-8")
+    told = json.loads(results.path.read_text(encoding="utf-8"))
+    tables.write(options.output, told)
+    print(tables.summary(told))
 
 
 if __name__ == "__main__":

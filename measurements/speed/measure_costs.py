@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what measuring a result costs, as a table (measurements/speed/measure-costs.md).
+"""Writes what measuring a result costs, as a table.
 
-    measurements/speed/measure_costs.py --worker build/hexad-worker --data FOLDER --output measurements/speed/measure-costs.md
+    measurements/speed/measure_costs.py --worker build/hexad-worker --data FOLDER --output measurements/speed/measure_costs.csv
                            [--count N ...] [--runs N] [--only WORD ...]
 
 FOLDER has the folders meshes and volumes. Each job has one thread. The share is the CPU time of the report's phase `measure` over that of the
@@ -14,8 +14,14 @@ import json
 import os
 import pathlib
 import resource
+import statistics
 import subprocess
+import sys
 import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+
+import results  # noqa: E402
 
 # The main thread's monotonic clock counts the CPU time of the process, read again each millisecond: other threads wait by that clock.
 CLOCK = """
@@ -89,18 +95,15 @@ def measure(worker, jobs, runs):
             yield row
 
 
-def write(output, rows):
-    lines = ["# Cost of measuring", "",
-             "    measurements/speed/measure_costs.py --worker build/hexad-worker --data FOLDER --output measurements/speed/measure-costs.md", "",
-             "CPU seconds of jobs with one thread: of the whole job with its readers, and of its phase `measure`.", ""]
+def table(rows):
+    """The header, a row for each job, and for each number of points the median and the largest share."""
+    lines = [[f"{name} {count}", name, count, outcome.replace("_", " "), round(cpu, 3), round(spent, 3), round(spent / cpu, 4)]
+             for name, count, cpu, spent, outcome in rows]
     for count in sorted({row[1] for row in rows}):
-        shares = sorted(row[3] / row[2] for row in rows if row[1] == count)
-        lines += [f"{count} points: median {shares[len(shares) // 2]:.1%}, largest {shares[-1]:.1%}; "
-                  f"{sum(s > 0.2 for s in shares)} of {len(shares)} are above 20 %.", ""]
-    lines += ["| surface | points | outcome | job | measure | share |", "|---|---|---|---|---|---|"]
-    lines += [f"| {name} | {count} | {outcome.replace('_', ' ')} | {cpu:.2f} | {spent:.2f} | {spent / cpu:.1%} |"
-              for name, count, cpu, spent, outcome in rows]
-    output.write_text("\n".join(lines) + "\n")
+        shares = [row[3] / row[2] for row in rows if row[1] == count]
+        lines += [[f"{word} of {count}", None, count, None, None, None, round(function(shares), 4)]
+                  for word, function in (("median", statistics.median), ("largest", max))]
+    return ["row", "surface", "points", "outcome", "job_cpu_s", "measure_cpu_s", "share"], lines
 
 
 def main():
@@ -114,7 +117,9 @@ def main():
     o = parser.parse_args()
     jobs = [(name, surface, count) for count in o.count for name, surface in surfaces(o.data)
             if not o.only or any(word in name for word in o.only)]
-    write(o.output, list(measure(os.path.abspath(o.worker), jobs, o.runs)))
+    header, rows = table(list(measure(os.path.abspath(o.worker), jobs, o.runs)))
+    results.write(o.output, header, rows)
+    print(*(f"share: {row[0]} points {row[-1]:.1%}" for row in rows if row[1] is None), sep="\n")
 
 
 if __name__ == "__main__":

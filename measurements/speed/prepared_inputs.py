@@ -35,17 +35,6 @@ SURFACES = {
 }
 
 
-def describe(name):
-    """A surface in words."""
-    case = SURFACES[name]
-    shape = dict(case.get("shape", {}))
-    what = f"`{case['mesh']}`" if "mesh" in case else f"{shape.pop('shape')}, " + ", ".join(
-        f"{key.replace('_', ' ')} {value}" for key, value in shape.items())
-    how = f"a level set of {case['voxels']} voxels along its longest side" if "voxels" in case else "by its formula"
-    graded = f"; spacing 1 / kappa within {RATIO}:1, for the tools that support a varying spacing" if case.get("graded") else ""
-    return f"{what}; {how}{graded}."
-
-
 class Absent(Exception):
     """What is needed is not there; the text says what."""
 

@@ -15,7 +15,7 @@ import numpy
 from prepared_inputs import Absent
 
 HERE = pathlib.Path(__file__).resolve().parent
-PEERS = HERE / "peers"
+DRIVERS = HERE / "peers"
 # One core each: processor time is what is compared.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "VTK_SMP_MAX_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
               "PYTHONDONTWRITEBYTECODE": "1"}
@@ -79,7 +79,7 @@ class Peer:
         self.programs, self.modules, self.graded = programs, modules, graded
 
     def command(self, built):
-        path = PEERS / self.driver
+        path = DRIVERS / self.driver
         if path.suffix == ".py":
             return [sys.executable, path]
         if path.suffix == ".sh":
@@ -109,9 +109,23 @@ class Peer:
         return self.read(output), took
 
 
+class BuiltPeer(Peer):
+    """A sampler that Debian does not package. The environment names its executable; without that it is left out."""
+
+    def __init__(self, name, title, package, driver, read, variable):
+        super().__init__(name, title, package, driver, read)
+        self.variable = variable
+
+    def version(self, built):
+        program = os.environ.get(self.variable)
+        if not (program and shutil.which(program)):
+            raise Absent(f"absent: {self.variable} does not name its executable")
+        return "built from source"
+
+
 class Hexad:
     """This sampler: the whole job, from the file to a points.ply that was re-read and verified."""
-    name, title, package = "hexad", "the whole job", ""
+    name, title, package = "hexad", "hexad", ""
 
     def __init__(self, threads=1):
         self.threads = threads
@@ -142,7 +156,7 @@ class Hexad:
         return places, took
 
 
-PEERS_OF_DEBIAN = (
+PEERS = (
     Peer("teem", "Teem pull", "teem-apps", "teem_puller.sh", read_nrrd, programs=["teem-puller"]),
     Peer("vtk-smoothing", "VTK point smoothing", "python3-vtk9", "vtk_smoothing.py", modules=["vtk"]),
     Peer("cgal-remesh", "CGAL isotropic remeshing", "libcgal-dev", "cgal_remesh.cc"),
@@ -151,4 +165,7 @@ PEERS_OF_DEBIAN = (
     Peer("open3d", "Open3D Poisson disk", "python3-open3d", "open3d_poisson.py", modules=["open3d"]),
     Peer("meshlab", "MeshLab Poisson disk", "meshlab (with xvfb, xauth)", "meshlab_poisson.sh", read_ply_positions,
          programs=["meshlabserver", "xvfb-run", "xauth"]),
+    BuiltPeer("geogram", "Geogram CVT", "github BrunoLevy/geogram", "geogram_cvt.sh", read_ply_positions, "HEXAD_GEOGRAM"),
+    BuiltPeer("acvd", "ACVD", "github valette/ACVD", "acvd.sh", read_ply_positions, "HEXAD_ACVD"),
+    BuiltPeer("fine-acvd", "ACVD fine", "github valette/ACVD", "acvd_fine.sh", read_ply_positions, "HEXAD_ACVD"),
 )

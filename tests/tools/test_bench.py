@@ -15,11 +15,13 @@ sys.path[:0] = [str(BENCH), str(BENCH.parent / "common")]
 
 import bench  # noqa: E402
 import claims  # noqa: E402
+import measure_costs  # noqa: E402
 import packing  # noqa: E402
-import page  # noqa: E402
 import prepared_inputs  # noqa: E402
 import samplers  # noqa: E402
+import results  # noqa: E402
 import surfaces  # noqa: E402
+import tables  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
 
@@ -27,8 +29,7 @@ pytestmark = pytest.mark.extended  # measuring programs, not the service
 @pytest.fixture(scope="module")
 def smoke(source, build, tmp_path_factory):
     where = tmp_path_factory.mktemp("bench")
-    subprocess.run([sys.executable, source / "measurements/speed/bench.py", "--built", build, "--page", where / "page.md",
-                    "--results", where / "results.json", "--tools", "hexad", "--surfaces", "torus,quartic-formula",
+    subprocess.run([sys.executable, source / "measurements/speed/bench.py", "--built", build, "--output", where, "--tools", "hexad", "--surfaces", "torus,quartic-formula",
                     "--counts", "1e3", "--runs", "1"], check=True)
     return where
 
@@ -43,25 +44,43 @@ def test_rows_of_a_short_run(smoke):
         assert row["cpu_s"] > 0 and row["wall_s"] >= row["total_s"] > 0 and row["peak_mb"] > 1
 
 
-def test_page_of_a_short_run(smoke):
-    text = (smoke / "page.md").read_text()
-    assert "| 1000 | hexad | 1000 |" in text
-    assert "not in this run" in text and "**missed**" not in text.split("1 000 on the quartic")[0]
-    assert str(smoke) not in text and str(pathlib.Path.home()) not in text
+def test_tables_of_a_short_run(smoke):
+    rows = {r["row"]: r for r in results.read(smoke / "samplers.csv")}
+    assert list(rows) == ["quartic-formula 1000 hexad", "torus 1000 hexad"]
+    assert rows["torus 1000 hexad"]["points"] == "1000" and float(rows["torus 1000 hexad"]["hex_fraction"]) > 0.85
+    bounds = {r["row"]: r["verdict"] for r in results.read(smoke / "bounds.csv")}
+    assert bounds["quartic 1000: CPU s of the whole process"] == "none"
+    assert bounds["torus 100000: hex_fraction"] == "not in this run" and not (smoke / "comparison.csv").exists()
 
 
 def test_continued_run_keeps_its_rows(smoke, source, build, tmp_path):
-    results = tmp_path / "results.json"
-    results.write_text((smoke / "results.json").read_text())
-    command = [sys.executable, source / "measurements/speed/bench.py", "--built", build, "--page", tmp_path / "page.md",
-               "--results", results, "--surfaces", "quartic-formula", "--counts", "1e4", "--continue"]
+    kept = tmp_path / "results.json"
+    kept.write_text((smoke / "results.json").read_text())
+    command = [sys.executable, source / "measurements/speed/bench.py", "--built", build, "--output", tmp_path,
+               "--surfaces", "quartic-formula", "--counts", "1e4", "--continue"]
     subprocess.run(command, check=True)
-    assert len(json.loads(results.read_text())["rows"]) == 2
-    told = json.loads(results.read_text())
+    assert len(json.loads(kept.read_text())["rows"]) == 2
+    told = json.loads(kept.read_text())
     told["run"]["worker"] = "of another build"
-    results.write_text(json.dumps(told))
+    kept.write_text(json.dumps(told))
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode != 0 and "another build" in done.stderr
+
+
+def test_limits_of_a_short_run(source, build, tmp_path):
+    output = tmp_path / "limits.csv"
+    subprocess.run([sys.executable, source / "measurements/speed/limits.py", "--worker", build / "hexad-worker", "--output", output,
+                    "--count", "500", "--only", "sphere", "torus"], check=True)
+    rows = results.read(output)
+    assert [r["row"] for r in rows] == ["sphere 500", "torus 500"]
+    for r in rows:
+        assert float(r["hex_fraction"]) > 0.8 and float(r["cpu_us_per_point"]) == pytest.approx(float(r["cpu_s"]) / 500e-6, rel=0.05)
+
+
+def test_shares_of_measuring():
+    header, rows = measure_costs.table([("torus", 10, 2.0, 1.0, "converged"), ("cup", 10, 4.0, 1.0, "not_converged")])
+    assert [dict(zip(header, r))["share"] for r in rows] == [0.5, 0.25, 0.375, 0.5]
+    assert [r[0] for r in rows] == ["torus 10", "cup 10", "median of 10", "largest of 10"] and rows[1][3] == "not converged"
 
 
 # ---- what is measured
@@ -149,12 +168,26 @@ def row(tool, cpu_s, surface="torus", asked=10 ** 5, threads=1, **more):
     return {"run": "r", "tool": tool, "surface": surface, "asked": asked, "threads": threads, "cpu_s": cpu_s, **more}
 
 
-def test_contest_is_with_the_faster_peer():
+def judged(rows):
+    return {name: judge(rows) for name, _, judge in claims.CLAIMS}
+
+
+def test_ratio_is_to_the_faster_peer():
+    relaxations, meshers = (name for name, *_ in claims.CLAIMS[:2])
     rows = [row("hexad", 1.0), row("teem", 100.0), row("vtk-smoothing", 59.0)]
-    assert claims.against_relaxations(rows)[1] is False
-    assert claims.against_relaxations([rows[0], rows[1]])[1] is True
-    assert claims.against_relaxations(rows[:1]) is None
-    assert claims.against_meshers([*rows, row("cgal-remesh", 1.1), row("cgal-surface", 0.9)])[1] is False
+    assert judged(rows)[relaxations] == (59.0, False)
+    assert judged(rows[:2])[relaxations] == (100.0, True)
+    assert judged(rows[:1])[relaxations] is None
+    assert judged([*rows, row("cgal-remesh", 1.1), row("cgal-surface", 0.9)])[meshers] == (0.9, False)
+
+
+@pytest.mark.parametrize("seconds", [0.001, 1000.0])
+def test_seconds_have_no_verdict(seconds):
+    told = {"rows": [row("hexad", seconds, surface="quartic-formula", asked=1000, relax_cpu_s=seconds)]}
+    verdicts = {name: (measured, verdict) for name, _, measured, verdict in tables.bounds(told)[1]}
+    assert verdicts["quartic 1000: CPU s of the whole process"] == (seconds, "none")
+    assert verdicts["quartic 1000: CPU s of the relaxation"] == (seconds, "none")
+    assert "missed" not in tables.summary(told)
 
 
 def test_bytes_are_the_same_only_if_all_are():
@@ -164,20 +197,61 @@ def test_bytes_are_the_same_only_if_all_are():
     assert claims.same_bytes([*rows, row("hexad", 1.0, asked=10 ** 6, threads=8, sha256="b")])[1] is False
 
 
-def test_a_case_without_figures_is_told_in_words():
+def told_of(rows):
+    return {"run": {"id": "r"}, "surfaces": {"bunny-128": {"missing": "there is no bunny"}}, "rows": rows,
+            "peers": {p.name: {"title": p.title, "package": p.package, "version": "1"} for p in bench.ALL}}
+
+
+def test_row_without_figures_has_its_reason():
     teem = {"run": "r", "tool": "teem", "surface": "torus", "asked": 10 ** 5, "threads": 1}
     rows = [row("hexad", 2.0, got=10 ** 5), {**teem, "missing": "left out: foretold to take 400 s"}]
-    assert "foretold to take 400 s" in page.surface_table(rows)
-    assert claims.against_relaxations(rows) is None
+    head, lines = tables.samplers(told_of(rows))
+    assert [line[-2] for line in lines] == [None, "left out: foretold to take 400 s", "there is no bunny"]
+    assert all(len(line) == len(head) for line in lines)
+    assert judged(rows)[claims.CLAIMS[0][0]] is None
 
 
-def test_a_page_keeps_the_part_below_the_mark(tmp_path):
-    path = tmp_path / "page.md"
-    assert page.kept(path) == ""
-    path.write_text("tables of an earlier run\n")
-    assert page.kept(path) == ""
-    path.write_text(f"tables of an earlier run\n\n{page.KEPT}\n\n## Loading\n")
-    assert page.kept(path) == f"{page.KEPT}\n\n## Loading\n"
+def test_comparison_has_the_tools_by_time():
+    rows = [row("teem", 9.0, cpu_s_least=8.0, cpu_s_most=9.5), row("hexad", 1.0), row("hexad", 0.5, threads=2), row("acvd", 3.0),
+            row("hexad", 0.1, asked=1000)]
+    head, lines = tables.comparison(told_of(rows))
+    assert [line[0] for line in lines] == ["hexad", "ACVD", "Teem pull"]
+    assert [line[head.index("cpu_s_least")] for line in lines] == [None, None, 8.0]
+
+
+def test_missed_bounds_are_in_the_summary():
+    rows = [row("hexad", 1.0, hex_fraction=0.9)]
+    assert "missed: torus 100000: hex_fraction: 0.9, bound >= 0.98" in tables.summary(told_of(rows))
+
+
+DRIVEN = """#!/bin/sh
+# writes its arguments and a point to the PLY that it is given
+for word; do case $word in *points.ply) file=$word; esac; done
+[ "$file" = points.ply ] && file=$9/points.ply
+echo "$@" >>"$ARGUMENTS"
+printf 'ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n' >"$file"
+"""
+
+
+@pytest.mark.parametrize("name,words", [("geogram", ["remesh:nb_pts=1000", "algo:random_seed=7", "sys:multithread=false"]),
+                                        ("acvd", [" 1000 0 ", "-s 10 "]), ("fine-acvd", [" 1000 0 ", "-s 100 "])])
+def test_driver_of_a_built_peer(tmp_path, monkeypatch, name, words):
+    """A program in place of the peer gets the count and the seed; without the variable the peer is left out."""
+    peer = next(p for p in samplers.PEERS if p.name == name)
+    monkeypatch.delenv(peer.variable, raising=False)
+    with pytest.raises(prepared_inputs.Absent, match=peer.variable):
+        peer.version(None)
+    program = tmp_path / "program"
+    program.write_text(DRIVEN)
+    program.chmod(0o755)
+    monkeypatch.setenv(peer.variable, str(program))
+    monkeypatch.setenv("ARGUMENTS", str(tmp_path / "arguments"))
+    assert peer.version(None) == "built from source"
+    surface = types.SimpleNamespace(prefix=tmp_path / "torus", scale=lambda count: 0.1)
+    places, took = peer.run(surface, 1000, 7, 60, None, tmp_path)
+    assert places.shape == (0, 3) and took["code"] == 0
+    said = (tmp_path / "arguments").read_text()
+    assert str(tmp_path / "torus.ply") in said and all(word in said for word in words)
 
 
 class Slow:
@@ -199,6 +273,7 @@ def test_as_many_runs_as_the_budget_allows(monkeypatch, budget, runs):
     options = types.SimpleNamespace(runs=5, budget=budget, built=None)
     row = bench.run_case(Slow(), None, 10, 0.0, options, None)
     assert row["runs"] == runs and row["cpu_s"] == (1 + runs) / 2
+    assert (row["cpu_s_least"], row["cpu_s_most"]) == (1.0, float(runs))
 
 
 def test_what_takes_too_long_or_fails_is_left_out_and_said():
