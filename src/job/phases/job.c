@@ -603,6 +603,7 @@ bool job_measure(job *j, solution *s, error *e)
                                .sized = s->sizing != NULL,
                                .achieved = j->spec->has_alpha,
                                .kept = j->given.kept,
+                               .exact = j->options->exact_measures,
                                .copy_count = stands->count,
                                .copy_normal = on.own_normals ? NULL : stands->normal,
                                .copy_point = stands->point,

@@ -19,6 +19,7 @@ typedef struct run_options {
     int frame;                           /* the frame to run, if the spec has queue.frames */
     const sequence_files *previous;      /* previous frame of a coherent sequence, or NULL */
     int progress_fd;                     /* -1: no progress lines */
+    bool exact_measures;                 /* see measures_input; for tests and measurements */
     bool progress_bar;                   /* also draw a bar on standard error */
     const volatile sig_atomic_t *cancel; /* number of a signal: stop; SIGALRM: time limit; may be NULL */
     /* Prints e and ends the process. Called on another thread if the job must stop and is in a call that

@@ -44,10 +44,10 @@ static double bend_factor(const corner_triangle *t, double twice)
     return (4 * four / twice - 1) / 3;
 }
 
-/* What a triangle of neighbours adds to the cell of its first corner: an area, a corner, and the halves of the
- * sides to the second and the third corner. */
+/* What a triangle of neighbours adds to the cell of its first corner: an area (`bend` of it by the bend of the
+ * surface), a corner, and the halves of the sides to the second and the third corner. */
 typedef struct share {
-    double area, farthest, side[2];
+    double area, bend, farthest, side[2];
 } share;
 
 /* The length of half a side: from the middle of the curve to a neighbour to the corner of the cell. */
@@ -71,7 +71,9 @@ static share share_of(const corner_triangle *t)
                           vec3_dot(normal[2], vec3_sub(centre, v))) /
                         6;
     const vec3 corner = vec3_axpy(rise / twice * copysign(1, vec3_dot(cross, normal[0])), cross, centre);
-    return (share){.area = 0.25 * (u2 * at_v + v2 * at_u) * bend_factor(t, twice),
+    const double flat = 0.25 * (u2 * at_v + v2 * at_u), bend = flat * (bend_factor(t, twice) - 1);
+    return (share){.area = flat + bend,
+                   .bend = bend,
                    .farthest = vec3_norm(corner),
                    .side = {half_side(corner, u, normal[0], normal[1], at_v),
                             half_side(corner, v, normal[0], normal[2], at_u)}};
@@ -110,7 +112,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     voronoi_star star;
     *out = (planar_cell){.certain = false};
     if ((part->flags && part->flags[at]) || !voronoi_star_planar(&sites, at, &BOUNDS, &star)) return;
-    double length[VORONOI_PLANAR_MAX] = {0}, area = 0, farthest = 0;
+    double length[VORONOI_PLANAR_MAX] = {0}, area = 0, bend = 0, farthest = 0;
     for (uint32_t k = 0; k < star.count; k++) {
         const uint32_t next = k + 1 < star.count ? k + 1 : 0, q = star.point[k], r = star.point[next];
         const corner_triangle t = {vec3_sub(part->position[q], part->position[at]),
@@ -118,6 +120,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
                                    {part->normal[at], part->normal[q], part->normal[r]}};
         const share s = share_of(&t);
         area += s.area;
+        bend += fabs(s.bend);
         length[k] += s.side[0];
         length[next] += s.side[1];
         farthest = s.farthest > farthest ? s.farthest : farthest;
@@ -135,6 +138,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     out->certain = true;
     out->degree = (uint8_t)star.count;
     out->area = area;
+    out->bend = (float)bend;
     out->farthest = (float)farthest;
 }
 

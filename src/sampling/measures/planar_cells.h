@@ -31,6 +31,7 @@
  * those of a perfect packing are stored as differences from these, for the precision of floats. */
 typedef struct planar_cell {
     double area;
+    float bend;        /* what the bend of the surface adds to the area */
     float farthest;    /* the largest distance of a corner from the point */
     float edge, edge2; /* sums of the distances of the neighbours minus 1, and of the squares of these */
     /* sum of distance times length of side over 4, divided by the spacing squared, minus PLANAR_STRAIGHT */

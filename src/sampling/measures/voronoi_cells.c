@@ -9,9 +9,13 @@
 /* A place can belong to the cell of a point that is farther from it than the nearest point by this, in the
  * largest spacing: the nearest point can be on an opposite wall. */
 static const double BEYOND_NEAREST = 0.7;
-/* Largest relative difference between the area of a piece and that of its cells that is explained by the second
- * order in which the cells follow the surface. */
-static const double AREA_TOLERANCE = 1e-3;
+/* The area of a piece may differ from that of its cells by this fraction of it, and by this multiple of what the
+ * bend of the surface adds to certain cells: on meshes, whose triangles meet in edges between the points, the
+ * normals give a third of what the edges add. */
+static const double AREA_TOLERANCE = 5e-4, BEND_TOLERANCE = 1.2;
+/* With a smaller share of certain cells all are computed from triangles: if their areas were wrong, the others
+ * would have been computed twice. */
+static const double LEAST_CERTAIN = 0.3;
 
 static const char what[] = "the measures of the surface";
 
@@ -78,20 +82,39 @@ static bool build_exact(const voronoi_cells_input *in, threads *pool, voronoi_ce
     return ok;
 }
 
+/* The areas of the cells of a piece, and what the bend of the surface adds to certain ones. */
+typedef struct piece_area {
+    double cells, bend;
+} piece_area;
+
 /* Withdraws the certain cells of pieces whose cells do not add up to their area; *found: there are any. */
 static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, bool *found, error *e)
 {
-    double *sum = mem_array(f->piece_count, sizeof *sum, what, e);
+    piece_area *sum = mem_array(f->piece_count, sizeof *sum, what, e);
     *found = false;
-    for (size_t i = 0; sum && i < c->count; i++) sum[s->piece[i]] += voronoi_cell_area(c, i);
+    for (size_t i = 0; sum && i < c->count; i++) {
+        sum[s->piece[i]].cells += voronoi_cell_area(c, i);
+        sum[s->piece[i]].bend += c->planar[i].bend;
+    }
     for (size_t i = 0; sum && i < c->count; i++) {
         const double area = f->piece_area[s->piece[i]];
-        if (!c->planar[i].certain || fabs(sum[s->piece[i]] - area) <= AREA_TOLERANCE * area) continue;
+        const piece_area *of = &sum[s->piece[i]];
+        if (!c->planar[i].certain ||
+            fabs(of->cells - area) <= AREA_TOLERANCE * area + BEND_TOLERANCE * of->bend)
+            continue;
         c->planar[i] = (planar_cell){.certain = false};
         *found = true;
     }
     free(sum);
     return sum != NULL;
+}
+
+static void withdraw_few(voronoi_cells *c)
+{
+    size_t certain = 0;
+    for (size_t i = 0; i < c->count; i++) certain += c->planar[i].certain;
+    for (size_t i = 0; (double)certain < LEAST_CERTAIN * (double)c->count && i < c->count; i++)
+        c->planar[i] = (planar_cell){.certain = false};
 }
 
 bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *energy, measures *pairs,
@@ -102,9 +125,10 @@ bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *e
     *out = (voronoi_cells){.count = s->count};
     out->planar = mem_array(s->count, sizeof *out->planar, what, e);
     if (!out->planar ||
-        !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, energy, pairs, e) ||
-        !build_exact(in, pool, out, e))
+        !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, energy, pairs, e))
         return false;
+    withdraw_few(out);
+    if (!build_exact(in, pool, out, e)) return false;
     if (out->certain_count > 0 && !withdraw(in->surface, s, out, &found, e)) return false;
     return !found || build_exact(in, pool, out, e);
 }

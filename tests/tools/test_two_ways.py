@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures of the same points with certain cells and with all cells from triangles (measurements/measures/two_ways.py)."""
+import pathlib
+import sys
+
+import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "measures"))
+
+import two_ways  # noqa: E402
+
+pytestmark = pytest.mark.extended  # measuring programs, not the service
+
+JOBS = {name: (surface, sampling) for name, surface, sampling in two_ways.jobs(None, [2000])}
+
+
+@pytest.mark.parametrize("name, certain", [("torus 2000", 0.98), ("torus graded 2000", 0.97), ("torus blue noise 2000", 0.3),
+                                           ("open gyroid 2000", 0)])
+def test_both_ways_give_the_same_measures(build, tmp_path, name, certain):
+    found, why = two_ways.measured(build / "hexad-two-ways", *JOBS[name], tmp_path)
+    assert found, why
+    assert found["certain_share"] >= certain
+    wrong = [member for member in two_ways.faults(found, 2000, False) if member != "disorder"]
+    assert not wrong and abs(found["certain"]["disorder"] - found["exact"]["disorder"]) < 0.002
+
+
+def test_a_difference_beyond_its_bound_is_named():
+    same = {name: 0.5 for name in two_ways.BOUNDS} | {"outcome": "converged"}
+    other = same | {"coverage": 0.53, "outcome": "unresolved"}
+    assert two_ways.faults({"certain": same, "exact": same}, 2000, False) == []
+    assert two_ways.faults({"certain": same, "exact": other}, 2000, False) == ["outcome", "coverage"]
