@@ -26,6 +26,9 @@ const char *spec_surface_kind_name(spec_surface_kind kind)
     return surface_keys[kind];
 }
 
+static void read_members(reading *r, const json_at *at, const char *group, const spec_row *first,
+                         json *normal);
+
 /* Appends a part to the current surface. */
 static void append_part(reading *r, spec_surface *part)
 {
@@ -95,7 +98,7 @@ static void read_attributes(reading *r, const json_at *at, const spec_row *row, 
     json *list = json_put_array(normal, spec_row_key(row));
     *all = mem_alloc(count * sizeof **all);
     for (json_at element = json_first(at); element.node; element = json_next(&element)) {
-        group_read(r, &element, row->pointer, json_append_object(list));
+        read_members(r, &element, row->pointer, spec_row_first_below(row), json_append_object(list));
         note_attribute(one, &element);
         (*all)[(*read)++] = *one;
         *one = (spec_attribute){0};
@@ -138,7 +141,8 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
         reading_add_fault(r, at, "is required");
         return;
     }
-    group_read(r, &place, row->pointer, json_put_object(normal, spec_row_key(row)));
+    read_members(r, &place, row->pointer, spec_row_first_below(row),
+                 json_put_object(normal, spec_row_key(row)));
 }
 
 /* Copies the values that all frames of a sequence share from the known spec. False: the row must be read. */
@@ -173,9 +177,9 @@ static void read_missing_part(reading *r, const json_at *at, const spec_row *row
  * it is one of SPEC_DEFAULT_METHODS. */
 static bool has_method(reading *r, const json_at *at, const spec_row *row)
 {
-    const char *const *words = spec_row_find("/solver", "method")->words;
     if (!row->methods || row->methods & r->methods) return true;
     if (!at->node || !r->methods) return false; /* the method has a fault, which was added */
+    const char *const *words = spec_row_find("/solver", "method")->words;
     unsigned given = 0;
     while (!(r->methods & 1u << given)) given++;
     if (r->methods == SPEC_DEFAULT_METHODS)
@@ -240,17 +244,24 @@ static void note_surface(reading *r, const json_at *at, const char *group)
     json_pointer(&path, *pointer, sizeof((spec_fault *)0)->pointer);
 }
 
-void group_read(reading *r, const json_at *at, const char *group, json *normal)
+/* Reads the members of a group, of which `first` is the first one. */
+static void read_members(reading *r, const json_at *at, const char *group, const spec_row *first,
+                         json *normal)
 {
     size_t before = r->total;
     if (at->node && json_type_of(*at) != JSON_OBJECT) {
         reading_add_mismatch(r, at, "must be an object");
         return;
     }
-    unsigned skipped = rules_check_names(r, at, group);
-    for (const spec_row *row = NULL; (row = spec_row_next(group, row));)
+    unsigned skipped = rules_check_names(r, at, group, first);
+    for (const spec_row *row = first; row; row = spec_row_next(row))
         if (!(skipped & 1u << row->choice)) group_read_row(r, at, row, normal);
     note_surface(r, at, group);
     if (r->total == before) rules_check_group(r, at, group);
     r->complete = !*group;
+}
+
+void group_read(reading *r, const json_at *at, const char *group, json *normal)
+{
+    read_members(r, at, group, spec_row_first(group), normal);
 }

@@ -49,7 +49,8 @@ static const char *suggestion(const char *group, const char *key)
 static bool list_members(const char *group, char list[READING_SHOWN_MAX])
 {
     size_t used = 0;
-    for (const spec_row *row = NULL; used < READING_SHOWN_MAX && (row = spec_row_next(group, row));)
+    for (const spec_row *row = spec_row_first(group); row && used < READING_SHOWN_MAX;
+         row = spec_row_next(row))
         used += (size_t)snprintf(list + used, READING_SHOWN_MAX - used, "%s%s", used ? ", " : "",
                                  spec_row_key(row));
     return used > 0 && used < READING_SHOWN_MAX;
@@ -70,14 +71,20 @@ static void unknown_member(reading *r, const json_at *at, const char *group)
 
 /* Adds faults for members that are unknown or not supported. Stops after SPEC_MAX_FAULTS unknown ones, since
  * names within an object differ. */
-static void check_names(reading *r, const json_at *at, const char *group)
+static void check_names(reading *r, const json_at *at, const char *group, const spec_row *first)
 {
     size_t unknown = 0;
+    const spec_row *next = first; /* members are mostly in the order of the table */
     for (json_at member = json_first(at); member.node && unknown < SPEC_MAX_FAULTS;
          member = json_next(&member)) {
-        if (spec_row_find(group, member.key)) continue;
-        unknown_member(r, &member, group);
-        unknown++;
+        const spec_row *row = spec_row_find_from(next, member.key);
+        if (!row && next != first) row = spec_row_find_from(first, member.key);
+        if (row) {
+            next = spec_row_next(row);
+        } else {
+            unknown_member(r, &member, group);
+            unknown++;
+        }
     }
 }
 
@@ -87,10 +94,10 @@ static void append(char *list, size_t size, const char *word)
     snprintf(list + n, size - n, "%s%s", n ? ", " : "", word);
 }
 
-static void refuse_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
+static void refuse_choice(reading *r, const json_at *at, const spec_row *first, spec_choice choice)
 {
     char all[192] = "", given[192] = "";
-    for (const spec_row *row = NULL; (row = spec_row_next(group, row));) {
+    for (const spec_row *row = first; row; row = spec_row_next(row)) {
         if (row->choice != choice) continue;
         append(all, sizeof all, spec_row_key(row));
         if (json_member(at, spec_row_key(row)).node) append(given, sizeof given, spec_row_key(row));
@@ -106,11 +113,11 @@ static bool is_half_a_box(const json_at *at, spec_choice choice)
 }
 
 /* Returns the choices of which more than one member is given. */
-static unsigned check_choices(reading *r, const json_at *at, const char *group)
+static unsigned check_choices(reading *r, const json_at *at, const spec_row *first)
 {
     size_t rows[SPEC_CHOICE_COUNT] = {0}, given[SPEC_CHOICE_COUNT] = {0};
     unsigned several = 0;
-    for (const spec_row *row = NULL; (row = spec_row_next(group, row));) {
+    for (const spec_row *row = first; row; row = spec_row_next(row)) {
         if (row->choice == SPEC_CHOICE_NONE) continue;
         rows[row->choice]++;
         given[row->choice] += json_member(at, spec_row_key(row)).node != NULL;
@@ -118,7 +125,7 @@ static unsigned check_choices(reading *r, const json_at *at, const char *group)
     for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) {
         if (given[c] > 1) several |= 1u << c;
         if (given[c] > 1 || (rows[c] && !given[c] && c < SPEC_CHOICE_GRADING && !is_half_a_box(at, c)))
-            refuse_choice(r, at, group, c);
+            refuse_choice(r, at, first, c);
     }
     return several;
 }
@@ -494,10 +501,10 @@ static void check_attribute(reading *r, const json_at *at)
     reading_add_fault(r, name.node ? &name : at, "must be part, direction1, direction2 or source");
 }
 
-unsigned rules_check_names(reading *r, const json_at *at, const char *group)
+unsigned rules_check_names(reading *r, const json_at *at, const char *group, const spec_row *first)
 {
-    check_names(r, at, group);
-    return check_choices(r, at, group);
+    check_names(r, at, group, first);
+    return check_choices(r, at, first);
 }
 
 static void check_queue(reading *r, const json_at *at)
@@ -530,6 +537,9 @@ void rules_check_group(reading *r, const json_at *at, const char *group)
                  {"/output/preview", check_preview},
                  {"/output/preview/camera", check_camera},
                  {"/queue", check_queue}};
-    for (size_t k = 0; k < sizeof rules / sizeof rules[0]; k++)
-        if (strcmp(group, rules[k].group) == 0) rules[k].check(r, at);
+    for (size_t k = 0; *group && k < sizeof rules / sizeof rules[0]; k++)
+        if (strcmp(group, rules[k].group) == 0) {
+            rules[k].check(r, at);
+            return;
+        }
 }

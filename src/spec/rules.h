@@ -9,8 +9,8 @@
 
 /* Adds faults for unknown members of the object, and for too many or too few of the members that exclude
  * each other. Returns a bit for each choice of which more than one member is given: these members may be
- * stored in one place, and must not be read. */
-unsigned rules_check_names(reading *r, const json_at *at, const char *group);
+ * stored in one place, and must not be read. `first` is the first member of the group in the table. */
+unsigned rules_check_names(reading *r, const json_at *at, const char *group, const spec_row *first);
 
 /* Adds faults for values of the group that contradict each other. Called only if each value is valid by
  * itself. */

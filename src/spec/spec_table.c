@@ -15,12 +15,14 @@
 /* The field's derivatives and their squares stay finite. */
 #define COEFFICIENT_MAX 1e30
 
+/* The pointer of a member, given as its group and its key. */
+#define MEMBER(group, key) group "/" key, .key_offset = sizeof group
 #define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
 #define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
 #define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
-#define GROUP(where, flags_, words_)                                                          \
-    {                                                                                         \
-        .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_ \
+#define GROUP(group, key, flags_, words_)                                                                  \
+    {                                                                                                      \
+        .pointer = MEMBER(group, key), .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_ \
     }
 /* The words of a list, ended by NULL. */
 #define WORDS(list)                    \
@@ -34,28 +36,28 @@
 #define MEYER (METHOD(SIZED) | METHOD(PAPER))
 
 const spec_row spec_rows[] = {
-    {.pointer = "/version",
+    {.pointer = MEMBER("", "version"),
      .type = SPEC_TYPE_INTEGER,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1,
      UNSTORED,
      .prose = "The version of the spec's format."},
-    {.pointer = "/name",
+    {.pointer = MEMBER("", "name"),
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 200,
      AT(name),
      .prose = "A descriptive name. hexad does not interpret it."},
 
-    GROUP("/surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
-    {.pointer = "/surface/vdb",
+    GROUP("", "surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
+    {.pointer = MEMBER("/surface", "vdb"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose = "A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue."},
-    {.pointer = "/surface/vdb/path",
+    {.pointer = MEMBER("/surface/vdb", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -63,21 +65,21 @@ const spec_row spec_rows[] = {
      AT(surface.vdb.path),
      .prose =
          "The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload."},
-    {.pointer = "/surface/vdb/grid",
+    {.pointer = MEMBER("/surface/vdb", "grid"),
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.vdb.grid),
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. "
               "Required if the file has several scalar grids."},
-    {.pointer = "/surface/vdb/isovalue",
+    {.pointer = MEMBER("/surface/vdb", "isovalue"),
      .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
      .high = 1e30,
      AT_HAS(surface.vdb.isovalue, surface.vdb.has_isovalue),
      .unit = "the grid's",
      .prose = "The value on the surface. Default for a level set: 0. Required for a fog volume."},
-    {.pointer = "/surface/vdb/reconstruction",
+    {.pointer = MEMBER("/surface/vdb", "reconstruction"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
@@ -85,7 +87,7 @@ const spec_row spec_rows[] = {
      .prose = "interpolating: the spline passes through the samples. smoothing: the samples are the "
               "spline's coefficients; this blurs noise and moves the surface slightly."},
 
-    {.pointer = "/surface/mesh",
+    {.pointer = MEMBER("/surface", "mesh"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -93,7 +95,7 @@ const spec_row spec_rows[] = {
      .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level set "
               "with exact distances if the spec has voxel_size, resolution or on_mesh false, in offsets and "
               "combinations, and if too much of its area is inside its solids."},
-    {.pointer = "/surface/mesh/path",
+    {.pointer = MEMBER("/surface/mesh", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -102,7 +104,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are not read."},
-    {.pointer = "/surface/mesh/voxel_size",
+    {.pointer = MEMBER("/surface/mesh", "voxel_size"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_VOXELS,
@@ -113,7 +115,7 @@ const spec_row spec_rows[] = {
      .prose =
          "A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the longest side of the mesh's "
          "bounding box. Excludes resolution."},
-    {.pointer = "/surface/mesh/resolution",
+    {.pointer = MEMBER("/surface/mesh", "resolution"),
      .type = SPEC_TYPE_INTEGER,
      .choice = SPEC_CHOICE_VOXELS,
      .low = 8,
@@ -127,7 +129,7 @@ const spec_row spec_rows[] = {
               "area is thinner than a voxel. At 256, at least 90 % of a scanned mesh is within "
               "0.05 voxels of the sampled surface; sharp edges deviate more. Twice the number "
               "requires three to four times the memory and time."},
-    {.pointer = "/surface/mesh/max_resolution",
+    {.pointer = MEMBER("/surface/mesh", "max_resolution"),
      .type = SPEC_TYPE_INTEGER,
      .flags = SPEC_DEPENDENT,
      .low = 256,
@@ -137,7 +139,7 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose = "The maximum resolution that hexad chooses. limits.memory_mb limits it as well: the "
               "voxels of thin parts use at most an eighth of it."},
-    {.pointer = "/surface/mesh/band_vox",
+    {.pointer = MEMBER("/surface/mesh", "band_vox"),
      .type = SPEC_TYPE_INTEGER,
      .low = 3,
      .high = 32,
@@ -148,7 +150,7 @@ const spec_row spec_rows[] = {
          "The half-width of the band of distances around the mesh. Particles use four voxels on "
          "either side of the surface. Three give the same surface; more than four only cost time. An offset "
          "of the mesh makes the band as wide as it needs, up to 32."},
-    {.pointer = "/surface/mesh/weld",
+    {.pointer = MEMBER("/surface/mesh", "weld"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.01,
@@ -158,14 +160,14 @@ const spec_row spec_rows[] = {
      .prose = "Tolerance for joining open edges, as a fraction of the longest side of the bounding "
               "box: vertices of open edges within this distance are welded, or snapped to another "
               "open edge. 0: only vertices with equal coordinates are welded."},
-    {.pointer = "/surface/mesh/holes",
+    {.pointer = MEMBER("/surface/mesh", "holes"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_HOLES),
      .otherwise = "\"keep\"",
      AT(surface.mesh.holes),
      .prose = "keep: an open mesh is sampled as an open surface, with points along its boundaries. "
               "fill: holes are filled; a mesh that then encloses no volume is refused."},
-    {.pointer = "/surface/mesh/interior",
+    {.pointer = MEMBER("/surface/mesh", "interior"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERIOR),
      .otherwise = "\"auto\"",
@@ -174,7 +176,7 @@ const spec_row spec_rows[] = {
               "drop: only the outside of the solids is sampled, by a level set; this requires a "
               "closed mesh. auto: drop if more than 1 % of the area of a closed mesh is inside it, "
               "otherwise keep."},
-    {.pointer = "/surface/mesh/features",
+    {.pointer = MEMBER("/surface/mesh", "features"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -183,7 +185,7 @@ const spec_row spec_rows[] = {
          "Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of planes and arcs (CAD "
          "models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh, sharp edges are "
          "feature edges only in chains of at least 16 edges and 4 spacings."},
-    {.pointer = "/surface/mesh/features/angle",
+    {.pointer = MEMBER("/surface/mesh/features", "angle"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 3.14,
@@ -192,26 +194,26 @@ const spec_row spec_rows[] = {
      .unit = "radians",
      .prose = "Edges are sharp if the normals of their triangles differ by more than this. 0: no "
               "edge is sharp."},
-    {.pointer = "/surface/mesh/on_mesh",
+    {.pointer = MEMBER("/surface/mesh", "on_mesh"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
      .prose = "true: finally each point is projected onto the nearest triangle that faces the same "
               "way. false: a closed mesh is sampled through a level set without this projection. "
               "Ignored with an offset, with features and for open meshes."},
-    {.pointer = "/surface/analytic",
+    {.pointer = MEMBER("/surface", "analytic"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose = "A surface given by a formula."},
-    {.pointer = "/surface/analytic/shape",
+    {.pointer = MEMBER("/surface/analytic", "shape"),
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_SHAPE),
      AT(surface.analytic.shape),
      .prose = "The formula."},
-    {.pointer = "/surface/analytic/center",
+    {.pointer = MEMBER("/surface/analytic", "center"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -222,7 +224,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose =
          "Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of its plane."},
-    {.pointer = "/surface/analytic/radius",
+    {.pointer = MEMBER("/surface/analytic", "radius"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -231,7 +233,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.radius),
      .unit = "world",
      .prose = "sphere, cylinder, capsule: the radius. cone: the radius of the base."},
-    {.pointer = "/surface/analytic/axis",
+    {.pointer = MEMBER("/surface/analytic", "axis"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -242,7 +244,7 @@ const spec_row spec_rows[] = {
          "torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to its "
          "top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its length "
          "does not matter."},
-    {.pointer = "/surface/analytic/height",
+    {.pointer = MEMBER("/surface/analytic", "height"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -253,7 +255,7 @@ const spec_row spec_rows[] = {
      .prose =
          "cylinder, cone: the length along the axis. capsule: the distance between the centres of its two half "
          "spheres."},
-    {.pointer = "/surface/analytic/top_radius",
+    {.pointer = MEMBER("/surface/analytic", "top_radius"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -262,7 +264,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.top_radius),
      .unit = "world",
      .prose = "cone: the radius of the other end; above 0 its tip is cut off."},
-    {.pointer = "/surface/analytic/major_radius",
+    {.pointer = MEMBER("/surface/analytic", "major_radius"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -271,7 +273,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.major_radius),
      .unit = "world",
      .prose = "torus: the distance from the centre to the middle of the tube."},
-    {.pointer = "/surface/analytic/minor_radius",
+    {.pointer = MEMBER("/surface/analytic", "minor_radius"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -280,7 +282,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.minor_radius),
      .unit = "world",
      .prose = "torus: the radius of the tube. It must be less than major_radius."},
-    {.pointer = "/surface/analytic/half_size",
+    {.pointer = MEMBER("/surface/analytic", "half_size"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -289,7 +291,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.half_size),
      .unit = "world",
      .prose = "box: half of each side, including the rounding."},
-    {.pointer = "/surface/analytic/rounding",
+    {.pointer = MEMBER("/surface/analytic", "rounding"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -300,7 +302,7 @@ const spec_row spec_rows[] = {
      .prose =
          "box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a cylinder "
          "its radius and half of its height."},
-    {.pointer = "/surface/analytic/radii",
+    {.pointer = MEMBER("/surface/analytic", "radii"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -309,7 +311,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.radii),
      .unit = "world",
      .prose = "ellipsoid: half of each axis."},
-    {.pointer = "/surface/analytic/r",
+    {.pointer = MEMBER("/surface/analytic", "r"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -319,7 +321,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.r),
      .unit = "world",
      .prose = "quartic: r in equation (15)."},
-    {.pointer = "/surface/analytic/size",
+    {.pointer = MEMBER("/surface/analytic", "size"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -329,7 +331,7 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.size),
      .unit = "world",
      .prose = "gyroid: the sides of the box that cuts it."},
-    {.pointer = "/surface/analytic/period",
+    {.pointer = MEMBER("/surface/analytic", "period"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -339,7 +341,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "gyroid: the length of one period."},
 
-    {.pointer = "/surface/bspline",
+    {.pointer = MEMBER("/surface", "bspline"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -348,15 +350,15 @@ const spec_row spec_rows[] = {
               "inside. Along an axis with n coefficients the domain has n - 3 knot intervals of equal "
               "length w. Coefficient i, counted from 0, belongs to the basis function centred on min + (i "
               "- 1) w, so the first and the last coefficient lie one interval outside the domain."},
-    {.pointer = "/surface/bspline/dims",
+    {.pointer = MEMBER("/surface/bspline", "dims"),
      .type = SPEC_TYPE_TRIPLE,
      .flags = SPEC_REQUIRED,
      .low = 4,
      .high = 4096,
      AT(surface.bspline.dims),
      .prose = "The number of coefficients along x, y and z."},
-    GROUP("/surface/bspline/domain", 0, "The box in which the spline is defined."),
-    {.pointer = "/surface/bspline/domain/min",
+    GROUP("/surface/bspline", "domain", 0, "The box in which the spline is defined."),
+    {.pointer = MEMBER("/surface/bspline/domain", "min"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -364,7 +366,7 @@ const spec_row spec_rows[] = {
      AT(surface.bspline.domain.min),
      .unit = "world",
      .prose = "The lowest corner."},
-    {.pointer = "/surface/bspline/domain/max",
+    {.pointer = MEMBER("/surface/bspline/domain", "max"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -372,14 +374,14 @@ const spec_row spec_rows[] = {
      AT(surface.bspline.domain.max),
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
-    {.pointer = "/surface/bspline/coefficients",
+    {.pointer = MEMBER("/surface/bspline", "coefficients"),
      .type = SPEC_TYPE_NUMBERS,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = -COEFFICIENT_MAX,
      .high = COEFFICIENT_MAX,
      AT_HAS(surface.bspline.coefficients, surface.bspline.coefficient_count),
      .prose = "The coefficients; x varies fastest, then y. Their number is the product of dims."},
-    {.pointer = "/surface/bspline/path",
+    {.pointer = MEMBER("/surface/bspline", "path"),
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = 1,
@@ -389,7 +391,7 @@ const spec_row spec_rows[] = {
               "32 or 64 bits. The file size determines which. It must lie below one of the service's input "
               "roots, or have been sent with hexadctl upload."},
 
-    {.pointer = "/surface/volume",
+    {.pointer = MEMBER("/surface", "volume"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -397,7 +399,7 @@ const spec_row spec_rows[] = {
      .prose = "A dense volume. The surface is where the volume has the isovalue; larger values are inside. "
               "World space is that of the file: for NRRD the space that the header names "
               "(left-posterior-superior is not converted), for NIfTI right-anterior-superior."},
-    {.pointer = "/surface/volume/path",
+    {.pointer = MEMBER("/surface/volume", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -407,7 +409,7 @@ const spec_row spec_rows[] = {
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
          "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the "
          "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
-    {.pointer = "/surface/volume/index",
+    {.pointer = MEMBER("/surface/volume", "index"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
@@ -415,13 +417,13 @@ const spec_row spec_rows[] = {
      .prose =
          "Which volume of a file with more than three axes, counted from 0. Required if there are several. For channel c at time t "
          "of a TIFF file with C channels it is c + C t."},
-    {.pointer = "/surface/volume/level",
+    {.pointer = MEMBER("/surface/volume", "level"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
      AT_HAS(surface.volume.level, surface.volume.has_level),
      .prose = "Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0."},
-    {.pointer = "/surface/volume/slices",
+    {.pointer = MEMBER("/surface/volume", "slices"),
      .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
@@ -429,7 +431,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its slices: see "
          "/surface/exr/slices."},
-    {.pointer = "/surface/volume/voxel_size",
+    {.pointer = MEMBER("/surface/volume", "voxel_size"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -439,7 +441,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The distance between samples along each axis of the data, in place of the one in the file. The directions of the axes "
          "and the position of the first sample stay. Default: that of the file; for files without one, 1."},
-    {.pointer = "/surface/volume/isovalue",
+    {.pointer = MEMBER("/surface/volume", "isovalue"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
@@ -447,14 +449,14 @@ const spec_row spec_rows[] = {
      AT(surface.volume.isovalue),
      .unit = "the volume's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
-    {.pointer = "/surface/volume/reconstruction",
+    {.pointer = MEMBER("/surface/volume", "reconstruction"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.volume.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
 
-    {.pointer = "/surface/labels",
+    {.pointer = MEMBER("/surface", "labels"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -465,7 +467,7 @@ const spec_row spec_rows[] = {
          "data, come first. Points have the properties label_a and label_b: label_a is the lower of the two "
          "labels, but a background is always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes combinations, "
          "offsets, transforms and region."},
-    {.pointer = "/surface/labels/path",
+    {.pointer = MEMBER("/surface/labels", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -474,19 +476,19 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr image; with slices the images, as in /surface/exr/path. It and the files that "
          "it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
-    {.pointer = "/surface/labels/index",
+    {.pointer = MEMBER("/surface/labels", "index"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
      AT_HAS(surface.labels.index, surface.labels.has_index),
      .prose = "See /surface/volume/index."},
-    {.pointer = "/surface/labels/level",
+    {.pointer = MEMBER("/surface/labels", "level"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
      AT_HAS(surface.labels.level, surface.labels.has_level),
      .prose = "See /surface/volume/level."},
-    {.pointer = "/surface/labels/slices",
+    {.pointer = MEMBER("/surface/labels", "slices"),
      .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
@@ -494,19 +496,19 @@ const spec_row spec_rows[] = {
      .prose =
          "The labels are a stack of OpenEXR or TIFF images, and these are its slices: see "
          "/surface/exr. The same holds for part, channel, voxel_size and origin; TIFF has no part and no channel."},
-    {.pointer = "/surface/labels/part",
+    {.pointer = MEMBER("/surface/labels", "part"),
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Requires slices."},
-    {.pointer = "/surface/labels/channel",
+    {.pointer = MEMBER("/surface/labels", "channel"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(surface.exr.channel),
      .prose = "The name of the channel. Requires slices."},
-    {.pointer = "/surface/labels/voxel_size",
+    {.pointer = MEMBER("/surface/labels", "voxel_size"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -517,7 +519,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The distance between columns, rows and slices. For files with a size of their own it replaces that, unless it is "
          "[1, 1, 1]."},
-    {.pointer = "/surface/labels/origin",
+    {.pointer = MEMBER("/surface/labels", "origin"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -525,19 +527,19 @@ const spec_row spec_rows[] = {
      AT(surface.exr.origin),
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice. Requires slices."},
-    {.pointer = "/surface/labels/grid",
+    {.pointer = MEMBER("/surface/labels", "grid"),
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.labels.grid),
      .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
-    {.pointer = "/surface/labels/labels",
+    {.pointer = MEMBER("/surface/labels", "labels"),
      .type = SPEC_TYPE_INTEGERS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT(surface.labels.only),
      .prose = "The labels to sample; all others are background. Default: all."},
-    {.pointer = "/surface/labels/smooth",
+    {.pointer = MEMBER("/surface/labels", "smooth"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 24,
@@ -546,7 +548,7 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose = "The cut-off wavelength of the smoothing: shorter steps are smoothed, and no vertex "
               "moves by more than half a voxel along an axis. 0: no smoothing."},
-    {.pointer = "/surface/labels/majority",
+    {.pointer = MEMBER("/surface/labels", "majority"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = SPEC_MAJORITY_MAX,
@@ -560,7 +562,7 @@ const spec_row spec_rows[] = {
               "detail that they cannot resolve; wide filters take minutes. Weights preserve the "
               "volume of each label; parts that are thinner than the rest of their label, and "
               "specks with a radius below this, shrink or vanish. 0: no filter."},
-    {.pointer = "/surface/labels/background",
+    {.pointer = MEMBER("/surface/labels", "background"),
      .type = SPEC_TYPE_LARGE,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
@@ -569,27 +571,27 @@ const spec_row spec_rows[] = {
          "The background label. It is listed second in each interface, so normals point into it. "
          "Default: none; 0 is then a label like any other. `labels` and closed need a background: then the "
          "default is 0 if `labels` is given without 0, and otherwise one less than the lowest label, at most -1."},
-    {.pointer = "/surface/labels/closed",
+    {.pointer = MEMBER("/surface/labels", "closed"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(surface.labels.closed),
      .prose =
          "true: beyond the end of the data is background, and the end an interface with it. false: the interfaces "
          "end there."},
-    {.pointer = "/surface/labels/groups",
+    {.pointer = MEMBER("/surface/labels", "groups"),
      .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.groups, surface.labels.group_count),
      .prose = "Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]]."},
-    {.pointer = "/surface/labels/interfaces",
+    {.pointer = MEMBER("/surface/labels", "interfaces"),
      .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.interfaces, surface.labels.interface_count),
      .prose = "The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all."},
 
-    {.pointer = "/surface/exr",
+    {.pointer = MEMBER("/surface", "exr"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -600,7 +602,7 @@ const spec_row spec_rows[] = {
               "window, not by the display window. The volume covers the data windows of all slices; a "
               "pixel outside the data window of its slice is 0. In tiled files with levels, the "
               "full-resolution level is read. Deep images are refused."},
-    {.pointer = "/surface/exr/path",
+    {.pointer = MEMBER("/surface/exr", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -609,27 +611,27 @@ const spec_row spec_rows[] = {
      .prose =
          "The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They "
          "must lie below one of the service's input roots."},
-    {.pointer = "/surface/exr/slices",
+    {.pointer = MEMBER("/surface/exr", "slices"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
      .prose = "The slices: \"1-93\", or every second one: \"1-93x2\". At least 2, at most 65536."},
-    {.pointer = "/surface/exr/part",
+    {.pointer = MEMBER("/surface/exr", "part"),
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Optional if only one part has the channel."},
-    {.pointer = "/surface/exr/channel",
+    {.pointer = MEMBER("/surface/exr", "channel"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(surface.exr.channel),
      .prose = "The name of the channel including its layer, such as \"density\" or \"fog.Y\". Optional if "
               "there is only one."},
-    {.pointer = "/surface/exr/voxel_size",
+    {.pointer = MEMBER("/surface/exr", "voxel_size"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -638,7 +640,7 @@ const spec_row spec_rows[] = {
      AT(surface.exr.voxel_size),
      .unit = "world",
      .prose = "The distance between columns, rows and slices."},
-    {.pointer = "/surface/exr/origin",
+    {.pointer = MEMBER("/surface/exr", "origin"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -646,7 +648,7 @@ const spec_row spec_rows[] = {
      AT(surface.exr.origin),
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice."},
-    {.pointer = "/surface/exr/isovalue",
+    {.pointer = MEMBER("/surface/exr", "isovalue"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
@@ -654,13 +656,13 @@ const spec_row spec_rows[] = {
      AT(surface.exr.isovalue),
      .unit = "the channel's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
-    {.pointer = "/surface/exr/reconstruction",
+    {.pointer = MEMBER("/surface/exr", "reconstruction"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.exr.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
-    {.pointer = "/surface/union",
+    {.pointer = MEMBER("/surface", "union"),
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
@@ -669,14 +671,14 @@ const spec_row spec_rows[] = {
      .prose = "The union of the solids. Each member is a surface and may itself be a combination. The result "
               "has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids "
               "that do not overlap, is skipped with a warning."},
-    {.pointer = "/surface/intersection",
+    {.pointer = MEMBER("/surface", "intersection"),
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
      .high = 64,
      UNSTORED,
      .prose = "The intersection of the solids."},
-    {.pointer = "/surface/difference",
+    {.pointer = MEMBER("/surface", "difference"),
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
@@ -684,7 +686,7 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "The first solid without the others. An empty solid among the others is skipped with "
               "a warning."},
-    {.pointer = "/surface/offset",
+    {.pointer = MEMBER("/surface", "offset"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -694,12 +696,12 @@ const spec_row spec_rows[] = {
               "also combinations of these, and transforms that preserve angles. Other surfaces, "
               "such as fog volumes, are refused. Edges "
               "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
-    {.pointer = "/surface/offset/surface",
+    {.pointer = MEMBER("/surface/offset", "surface"),
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to offset."},
-    {.pointer = "/surface/offset/distance",
+    {.pointer = MEMBER("/surface/offset", "distance"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -707,7 +709,7 @@ const spec_row spec_rows[] = {
      AT(surface.distance),
      .unit = "world",
      .prose = "The distance. Positive is outwards, negative is inwards."},
-    {.pointer = "/surface/transform",
+    {.pointer = MEMBER("/surface", "transform"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -716,12 +718,12 @@ const spec_row spec_rows[] = {
          "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries "
          "of an open surface are parallel to the world axes, so its matrix may only exchange, flip and "
          "scale axes, and translate. With features, and for an open mesh, any matrix is allowed."},
-    {.pointer = "/surface/transform/surface",
+    {.pointer = MEMBER("/surface/transform", "surface"),
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to transform."},
-    {.pointer = "/surface/transform/matrix",
+    {.pointer = MEMBER("/surface/transform", "matrix"),
      .type = SPEC_TYPE_NUMBERS,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -730,7 +732,7 @@ const spec_row spec_rows[] = {
      .prose = "An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, "
               "0, 1."},
 
-    {.pointer = "/region",
+    {.pointer = MEMBER("", "region"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -739,14 +741,14 @@ const spec_row spec_rows[] = {
          "Only the part of the surface inside this box, or inside another surface, is sampled. Where the box cuts the "
          "surface, the surface is open and points lie along the cut. The scale of curvature still comes from "
          "the bounding box of the whole surface."},
-    {.pointer = "/region/inside",
+    {.pointer = MEMBER("/region", "inside"),
      .type = SPEC_TYPE_SURFACE,
      .choice = SPEC_CHOICE_REGION,
      .offset = offsetof(spec, region_inside),
      .has = SPEC_NOWHERE,
      .prose = "The surface whose inside is the region. Points are placed exactly on the cut and, "
               "as with features, on the sharp edges of the sampled surface."},
-    {.pointer = "/region/min",
+    {.pointer = MEMBER("/region", "min"),
      .type = SPEC_TYPE_VECTOR,
      .choice = SPEC_CHOICE_REGION,
      .low = -WORLD_MAX,
@@ -754,14 +756,14 @@ const spec_row spec_rows[] = {
      AT(region.min),
      .unit = "world",
      .prose = "The lowest corner."},
-    {.pointer = "/region/max",
+    {.pointer = MEMBER("/region", "max"),
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(region.max),
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
-    {.pointer = "/features",
+    {.pointer = MEMBER("", "features"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(features),
@@ -771,11 +773,11 @@ const spec_row spec_rows[] = {
               "along their boundaries. For meshes, use /surface/mesh/features."},
 
     GROUP(
-        "/sampling", SPEC_REQUIRED,
+        "", "sampling", SPEC_REQUIRED,
         "The number of points. Give exactly one target (count, spacing, density, control, time_s, "
         "resolve or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
         "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
-    {.pointer = "/sampling/count",
+    {.pointer = MEMBER("/sampling", "count"),
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
      .low = 4,
@@ -783,7 +785,7 @@ const spec_row spec_rows[] = {
      AT(count),
      .unit = "points",
      .prose = "The exact number of points."},
-    {.pointer = "/sampling/spacing",
+    {.pointer = MEMBER("/sampling", "spacing"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -793,7 +795,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is "
               "the area."},
-    {.pointer = "/sampling/density",
+    {.pointer = MEMBER("/sampling", "density"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -802,7 +804,7 @@ const spec_row spec_rows[] = {
      AT(density),
      .unit = "1/world^2",
      .prose = "The number of points per unit of area."},
-    {.pointer = "/sampling/pattern",
+    {.pointer = MEMBER("/sampling", "pattern"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PATTERN),
      .otherwise = "\"hexagonal\"",
@@ -814,7 +816,7 @@ const spec_row spec_rows[] = {
          "on opposite walls, whose normals differ by more than 113 degrees. Curves have no points of their own. "
          "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
          "excludes control, time_s, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
-    {.pointer = "/sampling/control",
+    {.pointer = MEMBER("/sampling", "control"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_TARGET,
@@ -826,7 +828,7 @@ const spec_row spec_rows[] = {
          "paper). Method paper starts with min_count points and inserts and deletes some between rounds. "
          "Method sized computes the count from sigma = sqrt(3) spacing. Works with the methods sized and "
          "paper."},
-    {.pointer = "/sampling/control/min_count",
+    {.pointer = MEMBER("/sampling/control", "min_count"),
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
      .low = 4,
@@ -834,7 +836,7 @@ const spec_row spec_rows[] = {
      AT(control.min_count),
      .unit = "points",
      .prose = "The least number of points."},
-    {.pointer = "/sampling/control/max_sigma",
+    {.pointer = MEMBER("/sampling/control", "max_sigma"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -842,7 +844,7 @@ const spec_row spec_rows[] = {
      AT(control.max_sigma),
      .unit = "world",
      .prose = "The largest support of the potential. Points are inserted until the support is small enough."},
-    {.pointer = "/sampling/control/start_count",
+    {.pointer = MEMBER("/sampling/control", "start_count"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e8,
@@ -851,7 +853,7 @@ const spec_row spec_rows[] = {
      .unit = "points",
      .prose = "The number of points that paper begins with, at least min_count; 0: min_count. A number "
               "near the result saves rounds. If it is too large, points are deleted."},
-    {.pointer = "/sampling/control/selection",
+    {.pointer = MEMBER("/sampling/control", "selection"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_SELECTION),
      .otherwise = "\"biased\"",
@@ -859,7 +861,7 @@ const spec_row spec_rows[] = {
      .prose = "Which points are split or deleted. biased: points with little energy are more likely to be "
               "split, points with much energy to be deleted. random: all points are equally likely. Only "
               "the method paper inserts and deletes points."},
-    {.pointer = "/sampling/time_s",
+    {.pointer = MEMBER("/sampling", "time_s"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -871,7 +873,7 @@ const spec_row spec_rows[] = {
               "machine that runs it. Trial runs with increasing counts determine the number. The result is "
               "not reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
               "fit. Excludes min_spacing, max_spacing, feature and curve_spacing."},
-    {.pointer = "/sampling/resolve",
+    {.pointer = MEMBER("/sampling", "resolve"),
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
@@ -880,7 +882,7 @@ const spec_row spec_rows[] = {
               "the count. Requires feature (\"feature\": {} is enough); excludes curvature. A closed mesh is "
               "then sampled on its triangles, including those inside its solids, as with sharp edges "
               "(/surface/mesh/features), and mesh.ply has the topology of the mesh."},
-    {.pointer = "/sampling/attach",
+    {.pointer = MEMBER("/sampling", "attach"),
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_TARGET,
      .low = 1,
@@ -892,7 +894,7 @@ const spec_row spec_rows[] = {
          "must have the same vertices and faces in the same order, such as another frame of an animation. "
          "Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling, "
          "output.mesh, output.convergence, output.order, queue.coherent and outcome.require."},
-    {.pointer = "/sampling/feature",
+    {.pointer = MEMBER("/sampling", "feature"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -901,7 +903,7 @@ const spec_row spec_rows[] = {
               "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
               "edges are not thin. The job fails if the count is too small, and names the count that it "
               "needs. Requires the method sized; excludes alpha and time_s."},
-    {.pointer = "/sampling/feature/ratio",
+    {.pointer = MEMBER("/sampling/feature", "ratio"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -910,7 +912,7 @@ const spec_row spec_rows[] = {
      AT(feature.ratio),
      .prose = "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; "
               "above 1, they may remain unresolved."},
-    {.pointer = "/sampling/alpha",
+    {.pointer = MEMBER("/sampling", "alpha"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -921,28 +923,28 @@ const spec_row spec_rows[] = {
               "around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
               "states L. Excludes feature and curve_spacing. Requires the method paper, which is then the "
               "default, or witkin-heckbert."},
-    {.pointer = "/sampling/alpha/d",
+    {.pointer = MEMBER("/sampling/alpha", "d"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 16,
      .otherwise = "2",
      AT(alpha.d),
      .prose = "The exponent. A larger one follows the curvature more strongly, one below 1 more weakly."},
-    {.pointer = "/sampling/alpha/gamma",
+    {.pointer = MEMBER("/sampling/alpha", "gamma"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
      .otherwise = "0.1",
      AT(alpha.gamma),
      .prose = "The lower bound of alpha, which alpha approaches where the curvature is strong."},
-    {.pointer = "/sampling/alpha/nu",
+    {.pointer = MEMBER("/sampling/alpha", "nu"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0.001,
      .high = 1000,
      .otherwise = "0.75",
      AT(alpha.nu),
      .prose = "Where the surface is flat, alpha is gamma + 1/nu."},
-    {.pointer = "/sampling/alpha/kappa_max",
+    {.pointer = MEMBER("/sampling/alpha", "kappa_max"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -950,7 +952,7 @@ const spec_row spec_rows[] = {
      .otherwise = "20",
      AT(alpha.kappa_max),
      .prose = "Larger values of the scale-free curvature are replaced by this one."},
-    {.pointer = "/sampling/alpha/scale",
+    {.pointer = MEMBER("/sampling/alpha", "scale"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -958,7 +960,7 @@ const spec_row spec_rows[] = {
      .prose = "The distance over which the curvature of the surface is averaged. It measures the "
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: two spacings."},
-    {.pointer = "/sampling/alpha/scale/spacings",
+    {.pointer = MEMBER("/sampling/alpha/scale", "spacings"),
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -967,7 +969,7 @@ const spec_row spec_rows[] = {
      .unit = "spacings",
      .prose =
          "The distance in spacings of the even packing. 0: the curvature of the field at the point itself."},
-    {.pointer = "/sampling/alpha/scale/world",
+    {.pointer = MEMBER("/sampling/alpha/scale", "world"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
@@ -976,7 +978,7 @@ const spec_row spec_rows[] = {
      AT(alpha.scale.world),
      .unit = "world",
      .prose = "The distance in world units."},
-    {.pointer = "/sampling/curvature",
+    {.pointer = MEMBER("/sampling", "curvature"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -984,7 +986,7 @@ const spec_row spec_rows[] = {
      .has = offsetof(spec, has_curvature),
      .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that "
               "it needs as many points as the target. Requires the method sized."},
-    {.pointer = "/sampling/curvature/chord_error",
+    {.pointer = MEMBER("/sampling/curvature", "chord_error"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_CURVATURE,
@@ -995,7 +997,7 @@ const spec_row spec_rows[] = {
      .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours "
               "deviates from the surface by chord_error. The report states the error that the count "
               "achieves."},
-    {.pointer = "/sampling/curvature/ratio",
+    {.pointer = MEMBER("/sampling/curvature", "ratio"),
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_CURVATURE,
      .low = 1,
@@ -1006,7 +1008,7 @@ const spec_row spec_rows[] = {
               "smaller ratio. The smallest spacing is used on the most curved 1 % of the area, or "
               "on as little as 1/8 % if gradation would otherwise reduce the ratio below 0.8 of "
               "this value."},
-    {.pointer = "/sampling/curvature/exponent",
+    {.pointer = MEMBER("/sampling/curvature", "exponent"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1014,7 +1016,7 @@ const spec_row spec_rows[] = {
      .otherwise = "1",
      AT(curvature.exponent),
      .prose = "How strongly the spacing follows the curvature. Belongs to ratio."},
-    {.pointer = "/sampling/curvature/scale",
+    {.pointer = MEMBER("/sampling/curvature", "scale"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1022,7 +1024,7 @@ const spec_row spec_rows[] = {
      .prose = "The distance over which the curvature of the surface is averaged. It measures the "
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: 4 local spacings."},
-    {.pointer = "/sampling/curvature/scale/spacings",
+    {.pointer = MEMBER("/sampling/curvature/scale", "spacings"),
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -1030,7 +1032,7 @@ const spec_row spec_rows[] = {
      AT(curvature.scale.spacings),
      .unit = "spacings",
      .prose = "The distance in local spacings. 0: the curvature of the field at the point itself."},
-    {.pointer = "/sampling/curvature/scale/world",
+    {.pointer = MEMBER("/sampling/curvature/scale", "world"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
@@ -1039,7 +1041,7 @@ const spec_row spec_rows[] = {
      AT(curvature.scale.world),
      .unit = "world",
      .prose = "The distance in world units."},
-    {.pointer = "/sampling/grid",
+    {.pointer = MEMBER("/sampling", "grid"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -1048,7 +1050,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is "
          "scaled so that it needs as many points as the target. Requires the method sized."},
-    {.pointer = "/sampling/grid/path",
+    {.pointer = MEMBER("/sampling/grid", "path"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1056,21 +1058,21 @@ const spec_row spec_rows[] = {
      .prose =
          "The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may "
          "have a map in a file of its own, in world space."},
-    {.pointer = "/sampling/grid/name",
+    {.pointer = MEMBER("/sampling/grid", "name"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1024,
      AT(grid.name),
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second."},
-    {.pointer = "/sampling/grid/kind",
+    {.pointer = MEMBER("/sampling/grid", "kind"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
      AT(grid.kind),
      .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
               "area; where the density is 0, only max_spacing and gradation determine the points."},
-    {.pointer = "/sampling/points",
+    {.pointer = MEMBER("/sampling", "points"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1079,7 +1081,7 @@ const spec_row spec_rows[] = {
          "Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is "
          "the number of all points of the result: with mode keep it includes the given ones. Requires the "
          "method sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface."},
-    {.pointer = "/sampling/points/path",
+    {.pointer = MEMBER("/sampling/points", "path"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -1088,7 +1090,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Only the positions are read, in world space."},
-    {.pointer = "/sampling/points/mode",
+    {.pointer = MEMBER("/sampling/points", "mode"),
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_POINTS),
@@ -1098,7 +1100,7 @@ const spec_row spec_rows[] = {
          "themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve "
          "starts with the points, and inserts others between them. avoid: the points are not in the result, "
          "whose points keep the distance from them."},
-    {.pointer = "/sampling/points/distance",
+    {.pointer = MEMBER("/sampling/points", "distance"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1106,7 +1108,7 @@ const spec_row spec_rows[] = {
      AT(points.distance),
      .unit = "world",
      .prose = "The least distance of the result's points from the given points. Required by mode avoid."},
-    {.pointer = "/sampling/curve_spacing",
+    {.pointer = MEMBER("/sampling", "curve_spacing"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1116,7 +1118,7 @@ const spec_row spec_rows[] = {
               "fraction of the spacing around them. Away from the curves it grows by gradation; the count "
               "does not change. It may be combined with curvature, grid or feature. It has no effect on a "
               "surface without curves. Requires the method sized; excludes alpha and time_s."},
-    {.pointer = "/sampling/min_spacing",
+    {.pointer = MEMBER("/sampling", "min_spacing"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1127,7 +1129,7 @@ const spec_row spec_rows[] = {
               "without them; excludes time_s. feature uses no spacing below it. Default for feature: a "
               "quarter of a voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest "
               "side or a quarter of the side of its triangles, more if its area is large."},
-    {.pointer = "/sampling/max_spacing",
+    {.pointer = MEMBER("/sampling", "max_spacing"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1136,7 +1138,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
               "without them; excludes time_s. At least min_spacing."},
-    {.pointer = "/sampling/gradation",
+    {.pointer = MEMBER("/sampling", "gradation"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1146,8 +1148,8 @@ const spec_row spec_rows[] = {
      .prose = "The largest increase of the spacing per unit of distance along the surface. Requires "
               "curvature, grid, feature or curve_spacing, and is refused without them."},
 
-    GROUP("/solver", 0, "How the points are computed."),
-    {.pointer = "/solver/method",
+    GROUP("", "solver", 0, "How the points are computed."),
+    {.pointer = MEMBER("/solver", "method"),
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_METHOD),
@@ -1160,7 +1162,7 @@ const spec_row spec_rows[] = {
          "at any time and does not reach the requested count exactly. sampling.alpha requires paper "
          "(then the default) or witkin-heckbert; curvature, grid, feature and curve_spacing require "
          "sized; control requires sized or paper."},
-    {.pointer = "/solver/energy",
+    {.pointer = MEMBER("/solver", "energy"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ENERGY),
      .otherwise = "\"cotangent\"",
@@ -1169,7 +1171,7 @@ const spec_row spec_rows[] = {
      .prose = "cotangent: equations (6) and (7). gaussian and electrostatic are for comparison, see "
               "section 4. The standard deviation of the Gaussian is a third of the support; the "
               "electrostatic energy is cut off at the support."},
-    {.pointer = "/solver/minimiser",
+    {.pointer = MEMBER("/solver", "minimiser"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MINIMISER),
      .otherwise = "\"lm\"",
@@ -1177,7 +1179,7 @@ const spec_row spec_rows[] = {
      AT(minimiser),
      .prose = "lm: Levenberg-Marquardt with one lambda per particle, section 5. gradient: steepest descent "
               "(5) with a fixed step, as in Table 1."},
-    {.pointer = "/solver/step",
+    {.pointer = MEMBER("/solver", "step"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1188,7 +1190,7 @@ const spec_row spec_rows[] = {
      .unit = "sigma^2",
      .prose = "The step of the gradient minimiser: a factor of the force, in units of sigma^2. The "
               "cotangent energy overshoots above about 0.2. Belongs to gradient."},
-    {.pointer = "/solver/sigma",
+    {.pointer = MEMBER("/solver", "sigma"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -1198,13 +1200,13 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The initial support of the potential. It adapts to the count. 0: computed from count and "
               "area."},
-    {.pointer = "/solver/witkin_heckbert",
+    {.pointer = MEMBER("/solver", "witkin_heckbert"),
      .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
      UNSTORED,
      .prose = "Parameters of the method \"witkin-heckbert\", with the symbols and defaults of its paper "
               "(1994). The target radius, sigma_hat, follows from the sampling target."},
-    {.pointer = "/solver/witkin_heckbert/alpha",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "alpha"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1214,7 +1216,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.alpha),
      .prose = "alpha: the amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). It scales "
               "the speed."},
-    {.pointer = "/solver/witkin_heckbert/e_hat",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "e_hat"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0.01,
      .high = 10,
@@ -1223,7 +1225,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.e_hat),
      .prose = "E_hat divided by alpha: the energy that each particle aims at. A larger one gives a denser "
               "sampling. At 0.8 neighbours are two sigma apart."},
-    {.pointer = "/solver/witkin_heckbert/rho",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "rho"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
@@ -1231,7 +1233,7 @@ const spec_row spec_rows[] = {
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.rho),
      .prose = "rho: how fast the radius of a particle follows its energy, dD/dt = -rho (D - E_hat)."},
-    {.pointer = "/solver/witkin_heckbert/phi",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "phi"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
@@ -1239,7 +1241,7 @@ const spec_row spec_rows[] = {
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.phi),
      .prose = "phi: how fast a particle returns to the surface, dF/dt = -phi F: the feedback term of (2)."},
-    {.pointer = "/solver/witkin_heckbert/beta",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "beta"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1249,7 +1251,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.beta),
      .prose = "beta: keeps the rate of a radius finite where a particle has no neighbours. In units of 1 / "
               "sigma_i; the paper of 1994 uses 1 / length."},
-    {.pointer = "/solver/witkin_heckbert/dt",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "dt"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1260,7 +1262,7 @@ const spec_row spec_rows[] = {
      .unit = "time",
      .prose = "Delta t: the time step of Euler's method. With the other defaults it is unstable above "
               "about 0.07."},
-    {.pointer = "/solver/witkin_heckbert/gamma",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "gamma"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1270,7 +1272,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.gamma),
      .prose = "gamma: a particle slower than gamma sigma_i is near its equilibrium and may be split or "
               "deleted."},
-    {.pointer = "/solver/witkin_heckbert/nu",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "nu"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 10,
@@ -1278,7 +1280,7 @@ const spec_row spec_rows[] = {
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.nu),
      .prose = "nu: a particle whose radius exceeds its target is split when its energy exceeds nu E_hat."},
-    {.pointer = "/solver/witkin_heckbert/delta",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "delta"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.99,
@@ -1287,7 +1289,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.delta),
      .prose = "delta: a particle may be deleted when its radius is below delta times its target radius. "
               "The smaller the radius, the more likely."},
-    {.pointer = "/solver/witkin_heckbert/sigma_max",
+    {.pointer = MEMBER("/solver/witkin_heckbert", "sigma_max"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -1297,7 +1299,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "sigma_max: a particle with a larger radius is always split. 0: the larger of half the "
               "longest side of the surface and 1.5 target radii."},
-    {.pointer = "/solver/init",
+    {.pointer = MEMBER("/solver", "init"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
@@ -1307,14 +1309,14 @@ const spec_row spec_rows[] = {
          "the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing "
          "computed by the method sized, then refined by the chosen method. Its sweeps are part of the "
          "start and are not in the report. sampling.points excludes random and sized."},
-    {.pointer = "/solver/seed",
+    {.pointer = MEMBER("/solver", "seed"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992.0,
      .otherwise = "0",
      AT(seed),
      .prose = "The seed of the random numbers. The same spec, seed and build give the same bytes."},
-    {.pointer = "/solver/threads",
+    {.pointer = MEMBER("/solver", "threads"),
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 1024,
@@ -1322,14 +1324,14 @@ const spec_row spec_rows[] = {
      AT(threads),
      .prose = "The number of threads; 0: those that the service gives to each worker. The result does not "
               "depend on it."},
-    {.pointer = "/solver/isa",
+    {.pointer = MEMBER("/solver", "isa"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ISA),
      .otherwise = "\"auto\"",
      AT(isa),
      .prose = "The instruction set of the numerical kernels; auto: the best one that the machine supports. "
               "The result does not depend on it."},
-    {.pointer = "/solver/max_sweeps",
+    {.pointer = MEMBER("/solver", "max_sweeps"),
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1e6,
@@ -1337,7 +1339,7 @@ const spec_row spec_rows[] = {
      AT(max_sweeps),
      .unit = "sweeps",
      .prose = "The maximum number of sweeps; the solver stops then, converged or not."},
-    {.pointer = "/solver/step_tolerance",
+    {.pointer = MEMBER("/solver", "step_tolerance"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1349,7 +1351,7 @@ const spec_row spec_rows[] = {
          "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement per "
          "unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes "
          "the quality less than another seed."},
-    {.pointer = "/solver/energy_tolerance",
+    {.pointer = MEMBER("/solver", "energy_tolerance"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1361,13 +1363,13 @@ const spec_row spec_rows[] = {
          "support of the energy (every method except sized). A larger difference is the criterion target_energy of the "
          "outcome not_converged."},
 
-    GROUP("/outcome", SPEC_OPTIONAL,
+    GROUP("", "outcome", SPEC_OPTIONAL,
           "Requirements on the result in addition to the criteria of every job (doc/report.md)."),
-    GROUP("/outcome/require", SPEC_OPTIONAL,
+    GROUP("/outcome", "require", SPEC_OPTIONAL,
           "Bounds on measures of the report. A result that violates one has the outcome unresolved, with "
           "that measure as the criterion."),
 #define REQUIRE(prefix, NAME, word, minimum)                                          \
-    {.pointer = "/outcome/require/" #word,                                            \
+    {.pointer = MEMBER("/outcome/require", #word),                                    \
      .type = SPEC_TYPE_NUMBER,                                                        \
      .low = -1,                                                                       \
      .high = 1e6,                                                                     \
@@ -1377,7 +1379,7 @@ const spec_row spec_rows[] = {
     SPEC_REQUIRE_LIST(REQUIRE, SPEC_REQUIRE)
 #undef REQUIRE
 
-        {.pointer = "/attributes",
+        {.pointer = MEMBER("", "attributes"),
          .type = SPEC_TYPE_GROUPS,
          .low = 0,
          .high = 32,
@@ -1385,7 +1387,7 @@ const spec_row spec_rows[] = {
          .prose = "Values from files that are interpolated at the points and written to every output, "
                   "such as temperature, velocity or colours. doc/formats.md lists their names in each "
                   "format."},
-    {.pointer = "/attributes/from",
+    {.pointer = MEMBER("/attributes", "from"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1395,7 +1397,7 @@ const spec_row spec_rows[] = {
          "Where the values are. surface: in the file of the surface, of a combined surface in the first of its "
          "files. geometry: in the surface itself. Anything else is the path of an OpenVDB, NRRD, NIfTI or mesh "
          "file in the same space; it moves with the transforms of the surface."},
-    {.pointer = "/attributes/name",
+    {.pointer = MEMBER("/attributes", "name"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
@@ -1406,14 +1408,14 @@ const spec_row spec_rows[] = {
          "absent), or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the "
          "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place "
          "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md)."},
-    {.pointer = "/attributes/as",
+    {.pointer = MEMBER("/attributes", "as"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
      AT(attribute.as),
      .prose =
          "The name in the outputs: letters, digits and _. Default: the name, with _ for other characters."},
-    {.pointer = "/attributes/type",
+    {.pointer = MEMBER("/attributes", "type"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ATTRIBUTE),
      .otherwise = "\"auto\"",
@@ -1423,7 +1425,7 @@ const spec_row spec_rows[] = {
          "leave other types unchanged. A color is also written as the colour of the points in each format, "
          "a uv as texture coordinates. auto: int for whole numbers, vector for three components, float for "
          "others; for a mesh, the type of its value."},
-    {.pointer = "/attributes/interpolation",
+    {.pointer = MEMBER("/attributes", "interpolation"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERPOLATION),
      .otherwise = "\"linear\"",
@@ -1432,8 +1434,8 @@ const spec_row spec_rows[] = {
          "Between the samples of a grid. cubic: Catmull and Rom's splines, which go through the samples. Whole "
          "numbers are always those of the nearest sample."},
 
-    GROUP("/output", 0, "The files to write."),
-    {.pointer = "/output/order",
+    GROUP("", "output", 0, "The files to write."),
+    {.pointer = MEMBER("/output", "order"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ORDER),
      AT_HAS(order, has_order),
@@ -1443,7 +1445,7 @@ const spec_row spec_rows[] = {
          "spatial: along Morton's curve, so points that are close in the file are close in space. id: "
          "ascending ids; requires queue.coherent. Default: the order of the solver, which may differ from "
          "version to version."},
-    {.pointer = "/output/orient",
+    {.pointer = MEMBER("/output", "orient"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL | SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
@@ -1452,7 +1454,7 @@ const spec_row spec_rows[] = {
          "Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x, "
          "orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest "
          "turn. An object with one of the members below: after a turn about +z, the twist."},
-    {.pointer = "/output/orient/twist",
+    {.pointer = MEMBER("/output/orient", "twist"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1460,7 +1462,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The attribute, by its name in the outputs, that gives the twist: a number is an angle in radians; a "
          "vector is the direction to which +x turns, as far as it is tangential."},
-    {.pointer = "/output/orient/seed",
+    {.pointer = MEMBER("/output/orient", "seed"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992,
@@ -1468,20 +1470,20 @@ const spec_row spec_rows[] = {
      .prose =
          "The twist is a random angle, computed from this seed and the id of the point (its row, unless it is "
          "a point of a coherent sequence)."},
-    GROUP("/output/ply", 0, "Options of points.ply."),
-    {.pointer = "/output/ply/format",
+    GROUP("/output", "ply", 0, "Options of points.ply."),
+    {.pointer = MEMBER("/output/ply", "format"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PLY),
      .otherwise = "\"binary_little_endian\"",
      AT(ply_format),
      .prose = "The encoding of points.ply."},
-    {.pointer = "/output/ply/precision",
+    {.pointer = MEMBER("/output/ply", "precision"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PRECISION),
      .otherwise = "\"float\"",
      AT(ply_precision),
      .prose = "The type of all properties of points.ply except id."},
-    {.pointer = "/output/ply/properties",
+    {.pointer = MEMBER("/output/ply", "properties"),
      .type = SPEC_TYPE_LABELS,
      .flags = SPEC_OR_ONE,
      .low = 0,
@@ -1493,7 +1495,7 @@ const spec_row spec_rows[] = {
          "minimal (positions and normals). Default: all that doc/report.md lists, and the attributes; "
          "doc/formats.md has further names. red, green and blue are those of an attribute of colours, else "
          "the colours of the preview."},
-    {.pointer = "/output/preview",
+    {.pointer = MEMBER("/output", "preview"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
@@ -1501,7 +1503,7 @@ const spec_row spec_rows[] = {
      .part = BUILD_PART_PREVIEW,
      .prose = "preview.png and preview.exr. false: they are not written. true or an object: they are, "
               "preview.exr unless preview_exr is false; the object has the members below."},
-    {.pointer = "/output/preview/size",
+    {.pointer = MEMBER("/output/preview", "size"),
      .type = SPEC_TYPE_SIZE,
      .low = 64,
      .high = 8192,
@@ -1509,7 +1511,7 @@ const spec_row spec_rows[] = {
      AT(preview_width),
      .unit = "pixels",
      .prose = "The side of a square image, or [width, height]."},
-    {.pointer = "/output/preview/color",
+    {.pointer = MEMBER("/output/preview", "color"),
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_COLOR),
@@ -1517,7 +1519,7 @@ const spec_row spec_rows[] = {
      .prose = "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
               "a particle, the achieved spacing, or the number of neighbours. Default: alpha if "
               "sampling.alpha is given, otherwise curvature."},
-    {.pointer = "/output/preview/attribute",
+    {.pointer = MEMBER("/output/preview", "attribute"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1525,20 +1527,20 @@ const spec_row spec_rows[] = {
      .prose = "The attribute that the colours show instead of color, by its name in the outputs; "
               "for a vector, its length. An attribute of type color is shown unchanged. Surfaces "
               "with patches also have patch and feature, labels have label_a and label_b."},
-    {.pointer = "/output/preview/range",
+    {.pointer = MEMBER("/output/preview", "range"),
      .type = SPEC_TYPE_NUMBERS,
      .low = -1e300,
      .high = 1e300,
      AT_HAS(preview_range, preview_range_count),
      .prose =
          "The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th percentile."},
-    {.pointer = "/output/preview/map",
+    {.pointer = MEMBER("/output/preview", "map"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP_COLORS),
      .otherwise = "\"viridis\"",
      AT(preview_map),
      .prose = "The colours. diverging: from blue through nearly white, the middle of the range, to red."},
-    {.pointer = "/output/preview/channels",
+    {.pointer = MEMBER("/output/preview", "channels"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_CHANNELS),
      .otherwise = "\"basic\"",
@@ -1546,7 +1548,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The channels of preview.exr. basic: R, G, B, A, Z and id, by which points.ply has the rest of a "
          "point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes."},
-    {.pointer = "/output/preview/compression",
+    {.pointer = MEMBER("/output/preview", "compression"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COMPRESSION),
      .otherwise = "\"zip\"",
@@ -1554,7 +1556,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives 0.7 to "
          "1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels)."},
-    {.pointer = "/output/preview/up",
+    {.pointer = MEMBER("/output/preview", "up"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_UP),
      .otherwise = "\"auto\"",
@@ -1563,14 +1565,14 @@ const spec_row spec_rows[] = {
               "for STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
               "OBJ, OFF, PLY or STL file, the other axis if the mesh has a flat base along that axis only. "
               "The first part of a combination decides."},
-    {.pointer = "/output/preview/camera",
+    {.pointer = MEMBER("/output/preview", "camera"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_camera),
      .prose = "The camera. Without it, the surface is seen from the right, the front and above, and fills "
               "the image."},
-    {.pointer = "/output/preview/camera/position",
+    {.pointer = MEMBER("/output/preview/camera", "position"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -1578,7 +1580,7 @@ const spec_row spec_rows[] = {
      AT(camera.position),
      .unit = "world",
      .prose = "The position of the eye. Points behind it are not visible, also in orthographic images."},
-    {.pointer = "/output/preview/camera/target",
+    {.pointer = MEMBER("/output/preview/camera", "target"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -1586,7 +1588,7 @@ const spec_row spec_rows[] = {
      AT(camera.target),
      .unit = "world",
      .prose = "The point in the middle of the image."},
-    {.pointer = "/output/preview/camera/up",
+    {.pointer = MEMBER("/output/preview/camera", "up"),
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_DEPENDENT,
      .low = -WORLD_MAX,
@@ -1594,7 +1596,7 @@ const spec_row spec_rows[] = {
      AT(camera.up),
      .prose = "The direction that points up in the image; default: the axis of up. It must not be "
               "parallel to the line of sight. A turntable rotates about it."},
-    {.pointer = "/output/preview/camera/fov",
+    {.pointer = MEMBER("/output/preview/camera", "fov"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
@@ -1604,7 +1606,7 @@ const spec_row spec_rows[] = {
      .unit = "radians",
      .prose = "The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic "
               "is given."},
-    {.pointer = "/output/preview/camera/orthographic",
+    {.pointer = MEMBER("/output/preview/camera", "orthographic"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
@@ -1613,7 +1615,7 @@ const spec_row spec_rows[] = {
      AT(camera.orthographic),
      .unit = "world",
      .prose = "Selects parallel projection: the length that the longer side of the image shows."},
-    {.pointer = "/output/preview/turntable",
+    {.pointer = MEMBER("/output/preview", "turntable"),
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 360,
@@ -1623,49 +1625,49 @@ const spec_row spec_rows[] = {
      .prose = "The number of images of one full rotation around the surface: preview.0001.png and so on; "
               "0: none. The axis is the camera's up direction through its target. Without a camera it is "
               "the axis that is up, through the centre of the points."},
-    {.pointer = "/output/preview_exr",
+    {.pointer = MEMBER("/output", "preview_exr"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(has_preview_exr),
      .prose = "Whether to write preview.exr. false: of the preview only preview.png is written."},
-    {.pointer = "/output/convergence",
+    {.pointer = MEMBER("/output", "convergence"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_convergence),
      .part = BUILD_PART_PREVIEW,
      .prose = "Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps."},
-    {.pointer = "/output/points_vdb",
+    {.pointer = MEMBER("/output", "points_vdb"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VDB]),
      .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
               "spacing) and id (the index of the point in points.ply, from 0)."},
-    {.pointer = "/output/points_npz",
+    {.pointer = MEMBER("/output", "points_npz"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_NPZ]),
      .prose =
          "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
-    {.pointer = "/output/points_vtp",
+    {.pointer = MEMBER("/output", "points_vtp"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VTP]),
      .prose =
          "Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property and "
          "attribute, in double precision."},
-    {.pointer = "/output/points_glb",
+    {.pointer = MEMBER("/output", "points_glb"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_GLTF]),
      .prose = "Whether to write points.glb: the points as glTF, with normals, colours and all attributes."},
-    {.pointer = "/output/points_usda",
+    {.pointer = MEMBER("/output", "points_usda"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_USD]),
      .prose =
          "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
-    GROUP("/output/usd", SPEC_OPTIONAL, "Options of points.usda."),
-    {.pointer = "/output/usd/instancer",
+    GROUP("/output", "usd", SPEC_OPTIONAL, "Options of points.usda."),
+    {.pointer = MEMBER("/output/usd", "instancer"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1674,7 +1676,7 @@ const spec_row spec_rows[] = {
          "points.usda has a UsdGeomPointInstancer instead of UsdGeomPoints: each point is an instance of a "
          "prototype, with the orientation of output.orient (without it, the shortest turn of +z to the "
          "normal). Requires points_usda."},
-    {.pointer = "/output/usd/instancer/prototype",
+    {.pointer = MEMBER("/output/usd/instancer", "prototype"),
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -1684,7 +1686,7 @@ const spec_row spec_rows[] = {
          "The path of the USD file whose default prim is the prototype, such as ./rock.usda. It is written as "
          "given; programs that open points.usda resolve a relative path from its directory. hexad "
          "does not open the file."},
-    {.pointer = "/output/usd/instancer/scale",
+    {.pointer = MEMBER("/output/usd/instancer", "scale"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1693,7 +1695,7 @@ const spec_row spec_rows[] = {
          "The attribute, by its name in the outputs, that scales the prototype: a number, or a vector of three "
          "components for its axes. Default: the achieved spacing at the point, so a prototype of size 1 is as "
          "large as the spacing."},
-    {.pointer = "/output/usd/instancer/size",
+    {.pointer = MEMBER("/output/usd/instancer", "size"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1701,19 +1703,19 @@ const spec_row spec_rows[] = {
      .otherwise = "1",
      AT(instancer.size),
      .prose = "A factor of all scales."},
-    {.pointer = "/output/mesh",
+    {.pointer = MEMBER("/output", "mesh"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_mesh),
      .prose = "Whether to write mesh.ply: triangles whose vertices are the points, with the order and "
               "properties of points.ply. The member mesh of the report states whether the triangles close "
               "the surface. Excludes sampling.points with mode avoid."},
-    {.pointer = "/output/mesh_usda",
+    {.pointer = MEMBER("/output", "mesh_usda"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(mesh_in[FILE_FORMAT_USD]),
      .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
-    {.pointer = "/output/label_meshes",
+    {.pointer = MEMBER("/output", "label_meshes"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_label_meshes),
@@ -1722,7 +1724,7 @@ const spec_row spec_rows[] = {
          "that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the "
          "end of the data, which is an interface with surface.labels.closed. Requires mesh and "
          "surface.labels."},
-    {.pointer = "/output/directory",
+    {.pointer = MEMBER("/output", "directory"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1731,9 +1733,9 @@ const spec_row spec_rows[] = {
               "output roots. It is created if missing. Files of the same name are replaced. In a sequence, "
               "####, %04d or $F4 stands for the frame number."},
 
-    GROUP("/limits", 0,
+    GROUP("", "limits", 0,
           "The resources that the job may use. 0: the default of the service or of the worker."),
-    {.pointer = "/limits/memory_mb",
+    {.pointer = MEMBER("/limits", "memory_mb"),
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_OR_ZERO,
      .low = WORKER_MEMORY_LEAST_MB,
@@ -1747,7 +1749,7 @@ const spec_row spec_rows[] = {
          "control group to the service, the kernel kills a worker that uses more, also with limit_memory. "
          "Without a control group, use can briefly exceed the limit: the address space is limited to this "
          "value plus 512 MiB plus 80 MiB for each processor."},
-    {.pointer = "/limits/timeout_s",
+    {.pointer = MEMBER("/limits", "timeout_s"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
@@ -1756,7 +1758,7 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "The time that the job, or each frame of it, may run, summed over all attempts. Attempts "
               "that the service itself stopped, as for a restart, do not count."},
-    {.pointer = "/limits/stall_s",
+    {.pointer = MEMBER("/limits", "stall_s"),
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
@@ -1765,7 +1767,7 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "An attempt without progress for this long is stopped, and tried again up to "
               "max_attempts."},
-    {.pointer = "/limits/max_chunks",
+    {.pointer = MEMBER("/limits", "max_chunks"),
      .type = SPEC_TYPE_LARGE,
      .low = 1,
      .high = 1e9,
@@ -1774,7 +1776,7 @@ const spec_row spec_rows[] = {
      .unit = "chunks",
      .prose =
          "The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser level, needs fewer."},
-    {.pointer = "/limits/max_attempts",
+    {.pointer = MEMBER("/limits", "max_attempts"),
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100,
@@ -1783,22 +1785,22 @@ const spec_row spec_rows[] = {
      .unit = "attempts",
      .prose = "The maximum number of attempts if the worker crashes."},
 
-    GROUP("/queue", 0, "The job's place in the queue."),
-    {.pointer = "/queue/priority",
+    GROUP("", "queue", 0, "The job's place in the queue."),
+    {.pointer = MEMBER("/queue", "priority"),
      .type = SPEC_TYPE_INTEGER,
      .low = -1000,
      .high = 1000,
      .otherwise = "0",
      AT(priority),
      .prose = "Jobs of higher priority run first."},
-    {.pointer = "/queue/labels",
+    {.pointer = MEMBER("/queue", "labels"),
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
      .otherwise = "[]",
      AT_HAS(labels, label_count),
      .prose = "Words to search for the job by, each 1 to 100 characters long."},
-    {.pointer = "/queue/depends_on",
+    {.pointer = MEMBER("/queue", "depends_on"),
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
@@ -1806,14 +1808,14 @@ const spec_row spec_rows[] = {
      AT_HAS(depends_on, depends_on_count),
      .prose = "Identifiers of jobs that must succeed before this one starts. If one of them does not "
               "succeed, this job fails."},
-    {.pointer = "/queue/after",
+    {.pointer = MEMBER("/queue", "after"),
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(after, after_count),
      .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
-    {.pointer = "/queue/after_frames",
+    {.pointer = MEMBER("/queue", "after_frames"),
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 100,
@@ -1822,7 +1824,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when the same frame of these "
          "jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails. Requires frames."},
-    {.pointer = "/queue/accept",
+    {.pointer = MEMBER("/queue", "accept"),
      .type = SPEC_TYPE_WORDS,
      .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
      WORDS(SPEC_OUTCOME),
@@ -1831,7 +1833,7 @@ const spec_row spec_rows[] = {
          "The outcomes of this job that its users accept; for an array, of each of its frames. A job that names this "
          "one in depends_on or after_frames starts only if this job has such an outcome, and fails otherwise. hexadctl "
          "wait --accept exits with 0 if the outcome is in the list. The state and the outcome of the job do not change."},
-    {.pointer = "/queue/frames",
+    {.pointer = MEMBER("/queue", "frames"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = SPEC_FRAMES_LENGTH_MAX,
@@ -1841,7 +1843,7 @@ const spec_row spec_rows[] = {
          "first ####, %04d or $F4 in each input path stands for the frame number. At least one input path "
          "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
          "most 100000 frames. \"all\": the frames of all files of the first such path at the submission."},
-    {.pointer = "/queue/by_frame",
+    {.pointer = MEMBER("/queue", "by_frame"),
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,
      .high = 32,
@@ -1852,7 +1854,7 @@ const spec_row spec_rows[] = {
          "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
-    {.pointer = "/queue/max_running",
+    {.pointer = MEMBER("/queue", "max_running"),
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100000,
@@ -1861,7 +1863,7 @@ const spec_row spec_rows[] = {
      .unit = "frames",
      .prose =
          "The maximum number of frames that run at the same time; 0: as many as the service has room for."},
-    {.pointer = "/queue/chunk",
+    {.pointer = MEMBER("/queue", "chunk"),
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1000,
@@ -1871,7 +1873,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The number of consecutive frames that run one after another, as the chunk size of render managers. Each frame has limits, attempts and a result of its own. Above 1 it requires "
          "frames and excludes coherent."},
-    {.pointer = "/queue/coherent",
+    {.pointer = MEMBER("/queue", "coherent"),
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
@@ -1879,7 +1881,7 @@ const spec_row spec_rows[] = {
          "Whether each frame starts with the points of the frame before. The points follow the motion of "
          "the surface and keep their ids. Requires frames and the method sized; excludes features, "
          "sampling.points, sampling.time_s and sampling.alpha."},
-    {.pointer = "/queue/retention_s",
+    {.pointer = MEMBER("/queue", "retention_s"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e10,
@@ -1887,7 +1889,7 @@ const spec_row spec_rows[] = {
      AT(retention_s),
      .unit = "s",
      .prose = "How long the job and its results are kept after its end; 0: the service's setting."},
-    {.pointer = "/queue/webhook",
+    {.pointer = MEMBER("/queue", "webhook"),
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 2000,
@@ -1897,7 +1899,7 @@ const spec_row spec_rows[] = {
          "allow its host. The service repeats the call until the answer is 2xx or the number of retries is "
          "reached. A receiver may be called more than once for the same end, with the same "
          "webhook-id, and is called again when a retried job ends."},
-    {.pointer = "/queue/slurm",
+    {.pointer = MEMBER("/queue", "slurm"),
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
@@ -1913,42 +1915,56 @@ const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;
 
 const char *spec_row_key(const spec_row *row)
 {
-    return strrchr(row->pointer, '/') + 1;
+    return row->pointer + row->key_offset;
 }
 
 bool spec_row_is_member(const spec_row *row, const char *group)
 {
     const size_t n = strlen(group);
-    return strncmp(row->pointer, group, n) == 0 && row->pointer[n] == '/' &&
-           !strchr(row->pointer + n + 1, '/');
+    return row->key_offset == n + 1 && memcmp(row->pointer, group, n) == 0;
 }
 
-/* The first row below a group that a row names. Its pointer is mostly that of the row, not a copy. */
-static const spec_row *first_below(const char *group)
+/* The row of a group, whose pointer is mostly `group` itself, not a copy. */
+static const spec_row *find_group(const char *group)
 {
     const spec_row *end = spec_rows + spec_row_count, *row = spec_rows;
-    if (!*group) return row;
     while (row < end && row->pointer != group) row++;
     if (row == end)
         for (row = spec_rows; row < end && strcmp(row->pointer, group) != 0;) row++;
-    return row < end ? row + 1 : end;
+    return row < end ? row : NULL;
 }
 
-const spec_row *spec_row_next(const char *group, const spec_row *last)
+const spec_row *spec_row_first_below(const spec_row *group)
 {
-    const size_t n = strlen(group);
-    const spec_row *row = last ? last + 1 : first_below(group), *end = spec_rows + spec_row_count;
-    for (; row < end && strncmp(row->pointer, group, n) == 0 && row->pointer[n] == '/'; row++)
-        if (!strchr(row->pointer + n + 1, '/')) return row;
-    return NULL;
+    const spec_row *row = group + 1, *end = spec_rows + spec_row_count;
+    return row < end && row->key_offset > group->key_offset ? row : NULL;
+}
+
+const spec_row *spec_row_first(const char *group)
+{
+    if (!*group) return spec_rows;
+    const spec_row *row = find_group(group);
+    return row ? spec_row_first_below(row) : NULL;
+}
+
+/* Behind the last row below a group, the key of the next row is nearer to the start of its pointer. */
+const spec_row *spec_row_next(const spec_row *member)
+{
+    const spec_row *row = member + 1, *end = spec_rows + spec_row_count;
+    while (row < end && row->key_offset > member->key_offset) row++;
+    return row < end && row->key_offset == member->key_offset ? row : NULL;
+}
+
+const spec_row *spec_row_find_from(const spec_row *first, const char *key)
+{
+    const spec_row *row = first;
+    while (row && strcmp(spec_row_key(row), key) != 0) row = spec_row_next(row);
+    return row;
 }
 
 const spec_row *spec_row_find(const char *group, const char *key)
 {
-    const spec_row *row = NULL;
-    while ((row = spec_row_next(group, row)))
-        if (strcmp(spec_row_key(row), key) == 0) break;
-    return row;
+    return spec_row_find_from(spec_row_first(group), key);
 }
 
 static void print_values(FILE *file, const spec_row *row)

@@ -73,6 +73,7 @@ enum {
 
 typedef struct spec_row {
     const char *pointer; /* JSON Pointer of the member */
+    size_t key_offset;   /* of the last part of the pointer */
     spec_type type;
     unsigned flags;
     spec_choice choice;
@@ -94,10 +95,15 @@ extern const size_t spec_row_count;
 
 /* The row of a group's member, NULL if there is none. `group` is a pointer ("" is the root). */
 const spec_row *spec_row_find(const char *group, const char *key);
+/* The same from a group's first member; NULL as `first`: there are no members. */
+const spec_row *spec_row_find_from(const spec_row *first, const char *key);
 
-/* The row of the group's member after `last`, in the order of the table; NULL as `last`: the first one. Returns
- * NULL behind the last member. The rows below a group follow its own row. */
-const spec_row *spec_row_next(const char *group, const spec_row *last);
+/* The first member of a group, NULL if there is none. */
+const spec_row *spec_row_first(const char *group);
+const spec_row *spec_row_first_below(const spec_row *group);
+
+/* The member of the same group that follows, in the order of the table. Returns NULL after the last member. */
+const spec_row *spec_row_next(const spec_row *member);
 
 /* Whether the row is a direct member of the group. */
 bool spec_row_is_member(const spec_row *row, const char *group);

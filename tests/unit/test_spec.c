@@ -1423,16 +1423,25 @@ static void test_members_of_groups_are_found_in_the_order_of_the_table(void **st
     (void)state;
     for (size_t g = 0; g <= spec_row_count; g++) {
         const char *group = g < spec_row_count ? spec_rows[g].pointer : "";
-        const spec_row *member = NULL;
-        for (size_t k = 0; k < spec_row_count; k++)
-            if (spec_row_is_member(&spec_rows[k], group)) {
-                member = spec_row_next(group, member);
-                assert_ptr_equal(member, &spec_rows[k]);
-            }
-        assert_null(spec_row_next(group, member));
+        const size_t n = strlen(group);
+        const spec_row *member = spec_row_first(group);
+        for (size_t k = 0; k < spec_row_count; k++) {
+            const char *pointer = spec_rows[k].pointer, *key = strrchr(pointer, '/') + 1;
+            const bool belongs = key == pointer + n + 1 && strncmp(pointer, group, n) == 0;
+            assert_ptr_equal(spec_row_key(&spec_rows[k]), key);
+            assert_int_equal(spec_row_is_member(&spec_rows[k], group), belongs);
+            if (!belongs) continue;
+            assert_ptr_equal(member, &spec_rows[k]);
+            assert_ptr_equal(spec_row_find(group, key), member);
+            member = spec_row_next(member);
+        }
+        assert_null(member);
+        if (g < spec_row_count) assert_ptr_equal(spec_row_first_below(&spec_rows[g]), spec_row_first(group));
     }
-    assert_null(spec_row_next("/surfac", NULL));
+    assert_null(spec_row_first("/surfac"));
     assert_null(spec_row_find("/surface/vdb", "grids"));
+    char copy[] = "/surface";
+    assert_ptr_equal(spec_row_first(copy), spec_row_first("/surface"));
 }
 
 static void test_defaults_that_depend_on_others_are_in_their_places(void **state)
