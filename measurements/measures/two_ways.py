@@ -4,7 +4,7 @@
 
     measurements/measures/two_ways.py --built build [--data FOLDER] [--counts 200,2000,10000] [--only WORD] [--output FILE.csv]
 
-Each job runs in hexad-two-ways (`make hexad-two-ways`), which measures one set of points twice. FOLDER, or HEXAD_SHARED, has
+Each job runs in hexad-two-ways, which `make check TESTS=` builds and which measures one set of points twice. FOLDER, or HEXAD_SHARED, has
 meshes and vdb. Ends with 1 if a difference is beyond its bound.
 """
 import argparse
