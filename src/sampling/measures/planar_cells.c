@@ -27,20 +27,18 @@ static double twice_area(vec3 a, vec3 b, vec3 c)
     return vec3_norm(vec3_cross(vec3_sub(b, a), vec3_sub(c, a)));
 }
 
-/* A triangle of neighbours: its first corner at the origin, and the normals of the corners. */
-typedef struct corner_triangle {
-    vec3 u, v, normal[3];
-} corner_triangle;
+/* A neighbour: its place relative to the point, its normal, and the middle of the curve to it. */
+typedef struct neighbour {
+    vec3 at, normal, middle;
+} neighbour;
 
 /* The area between the three curves of a triangle over that of the triangle, by one division into four and
- * Richardson's extrapolation. `twice`: twice the area of the triangle. */
-static double bend_factor(const corner_triangle *t, double twice)
+ * Richardson's extrapolation. The first corner is at the origin. `twice`: twice the area of the triangle. */
+static double bend_factor(const neighbour *u, const neighbour *v, double twice)
 {
-    const vec3 o = {0, 0, 0}, ou = curve_middle(o, t->normal[0], t->u, t->normal[1]),
-               ov = curve_middle(o, t->normal[0], t->v, t->normal[2]),
-               uv = curve_middle(t->u, t->normal[1], t->v, t->normal[2]);
-    const double four =
-        twice_area(o, ou, ov) + twice_area(ou, t->u, uv) + twice_area(ov, uv, t->v) + twice_area(ou, uv, ov);
+    const vec3 between = curve_middle(u->at, u->normal, v->at, v->normal);
+    const double four = vec3_norm(vec3_cross(u->middle, v->middle)) + twice_area(u->middle, u->at, between) +
+                        twice_area(v->middle, between, v->at) + twice_area(u->middle, between, v->middle);
     return (4 * four / twice - 1) / 3;
 }
 
@@ -50,33 +48,28 @@ typedef struct share {
     double area, bend, farthest, side[2];
 } share;
 
-/* The length of half a side: from the middle of the curve to a neighbour to the corner of the cell. */
-static double half_side(vec3 corner, vec3 u, vec3 m, vec3 n, double sign)
+static share share_of(vec3 normal, const neighbour *b, const neighbour *c)
 {
-    return copysign(vec3_norm(vec3_sub(corner, curve_middle((vec3){0, 0, 0}, m, u, n))), sign);
-}
-
-static share share_of(const corner_triangle *t)
-{
-    const vec3 u = t->u, v = t->v, cross = vec3_cross(u, v), *normal = t->normal;
+    const vec3 u = b->at, v = c->at, cross = vec3_cross(u, v);
     const double u2 = vec3_norm2(u), v2 = vec3_norm2(v), uv = vec3_dot(u, v), twice = vec3_norm(cross),
                  half = 0.5 / twice;
     const double at_v = half * (v2 - uv),
                  at_u = half * (u2 - uv); /* half the cotangents of the angles there */
+    /* the circumcentre */
     const vec3 centre =
         vec3_scale(vec3_add(vec3_scale(vec3_cross(cross, u), v2), vec3_scale(vec3_cross(v, cross), u2)),
-                   2 * half * half); /* the circumcentre */
+                   2 * half * half);
     /* the surface over it: its distance from a tangent plane is half of the plane's distance from the chord */
-    const double rise = -(vec3_dot(normal[0], centre) + vec3_dot(normal[1], vec3_sub(centre, u)) +
-                          vec3_dot(normal[2], vec3_sub(centre, v))) /
+    const double rise = -(vec3_dot(normal, centre) + vec3_dot(b->normal, vec3_sub(centre, u)) +
+                          vec3_dot(c->normal, vec3_sub(centre, v))) /
                         6;
-    const vec3 corner = vec3_axpy(rise / twice * copysign(1, vec3_dot(cross, normal[0])), cross, centre);
-    const double flat = 0.25 * (u2 * at_v + v2 * at_u), bend = flat * (bend_factor(t, twice) - 1);
+    const vec3 corner = vec3_axpy(rise / twice * copysign(1, vec3_dot(cross, normal)), cross, centre);
+    const double flat = 0.25 * (u2 * at_v + v2 * at_u), bend = flat * (bend_factor(b, c, twice) - 1);
     return (share){.area = flat + bend,
                    .bend = bend,
                    .farthest = vec3_norm(corner),
-                   .side = {half_side(corner, u, normal[0], normal[1], at_v),
-                            half_side(corner, v, normal[0], normal[2], at_u)}};
+                   .side = {copysign(vec3_norm(vec3_sub(corner, b->middle)), at_v),
+                            copysign(vec3_norm(vec3_sub(corner, c->middle)), at_u)}};
 }
 
 static bool is_plain(const partition *part, const uint32_t *piece, uint32_t at, uint32_t other)
@@ -112,13 +105,18 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     voronoi_star star;
     *out = (planar_cell){.certain = false};
     if ((part->flags && part->flags[at]) || !voronoi_star_planar(&sites, at, &BOUNDS, &star)) return;
+    neighbour around[VORONOI_PLANAR_MAX];
     double length[VORONOI_PLANAR_MAX] = {0}, area = 0, bend = 0, farthest = 0;
+    const vec3 normal = part->normal[at];
     for (uint32_t k = 0; k < star.count; k++) {
-        const uint32_t next = k + 1 < star.count ? k + 1 : 0, q = star.point[k], r = star.point[next];
-        const corner_triangle t = {vec3_sub(part->position[q], part->position[at]),
-                                   vec3_sub(part->position[r], part->position[at]),
-                                   {part->normal[at], part->normal[q], part->normal[r]}};
-        const share s = share_of(&t);
+        neighbour *n = &around[k];
+        n->at = vec3_sub(part->position[star.point[k]], part->position[at]);
+        n->normal = part->normal[star.point[k]];
+        n->middle = curve_middle((vec3){0, 0, 0}, normal, n->at, n->normal);
+    }
+    for (uint32_t k = 0; k < star.count; k++) {
+        const uint32_t next = k + 1 < star.count ? k + 1 : 0;
+        const share s = share_of(normal, &around[k], &around[next]);
         area += s.area;
         bend += fabs(s.bend);
         length[k] += s.side[0];

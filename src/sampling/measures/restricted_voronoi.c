@@ -20,8 +20,9 @@ enum { PROBES_OF_POINT = 2 };
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
 static const double LEAST_PART = 1e-4;
-/* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
-static const double SMALL = 3;
+/* Candidates are collected for nodes and parts of triangles up to this radius, in spacings. With few cells, smaller
+ * parts are skipped that none of them reaches. */
+static const double SMALL = 3, SMALL_FEW = 1.5;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
@@ -615,6 +616,11 @@ static surroundings surroundings_at(const descent *d, vec3 centre, double radius
     return out;
 }
 
+static double largest_radius(const descent *d)
+{
+    return d->wanted->list ? SMALL_FEW : SMALL;
+}
+
 static double part_radius(const part *t, vec3 centroid)
 {
     double radius = 0;
@@ -647,8 +653,8 @@ static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
-    if (!voronoi_reaches(d->wanted, d->s->near, centroid, at.radius)) return true;
-    if (at.radius > SMALL * at.spacing) {
+    if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest)) return true;
+    if (at.radius > largest_radius(d) * at.spacing) {
         double length;
         const int longest = longest_edge(t, &length);
         part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
@@ -744,8 +750,8 @@ static bool visit_node(descent *d, uint32_t node)
     const facets_node *n = &d->f->node[node];
     const surroundings at = surroundings_at(d, n->centre, n->radius);
     bool ok = true;
-    if (!voronoi_reaches(d->wanted, d->s->near, n->centre, n->radius)) return true;
-    if (at.radius <= SMALL * at.spacing) {
+    if (!voronoi_reaches(d->wanted, n->centre, n->radius, at.nearest)) return true;
+    if (at.radius <= largest_radius(d) * at.spacing) {
         const size_t base = d->top;
         const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
         ok = collect_within(d, n->centre, reach, NULL) &&
@@ -908,14 +914,17 @@ static size_t count_wanted(const sites *s, const planar_cell *known)
     return wanted;
 }
 
-bool voronoi_reaches(const voronoi_wanted *w, const cell_list *near, vec3 centre, double radius)
+static void find_point(void *found, uint32_t point)
 {
-    double nearest, wanted;
-    if (!w->list) return true;
-    cell_list_nearest(near, centre, 0, &nearest);
-    const double reach = nearest + 2 * radius + w->beyond;
-    cell_list_nearest(w->list, centre, reach, &wanted);
-    return wanted <= reach;
+    (void)point;
+    *(bool *)found = true;
+}
+
+bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double nearest)
+{
+    bool found = !w->list;
+    if (!found) cell_list_within(w->list, centre, nearest + 2 * radius + w->beyond, find_point, &found);
+    return found;
 }
 
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,

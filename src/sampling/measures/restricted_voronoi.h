@@ -39,8 +39,9 @@ typedef struct voronoi_wanted {
     double beyond; /* a place can belong to a cell whose point is farther than the nearest one by this */
 } voronoi_wanted;
 
-/* Whether a cell that is wanted may have a place in a sphere. */
-bool voronoi_reaches(const voronoi_wanted *w, const cell_list *near, vec3 centre, double radius);
+/* Whether a cell that is wanted may have a place in a sphere. `nearest`: distance of its centre from the nearest of
+ * all points. */
+bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double nearest);
 
 /* Areas of known cells remain 0, sides between two of them and their distances are not computed. The
  * hierarchy of `f` must contain the items that the other cells may reach. Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,

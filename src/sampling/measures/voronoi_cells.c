@@ -60,7 +60,9 @@ static bool list_uncertain(const sites *s, voronoi_cells *c, threads *pool, unce
 static bool is_needed(const void *context, vec3 centre, double radius)
 {
     const uncertain *u = context;
-    return voronoi_reaches(&u->wanted, u->near, centre, radius);
+    double nearest;
+    cell_list_nearest(u->near, centre, 0, &nearest);
+    return voronoi_reaches(&u->wanted, centre, radius, nearest);
 }
 
 /* Computes the cells that are not certain. */
