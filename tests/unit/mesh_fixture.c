@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mesh_fixture.h"
 
+#include "base/core/rng.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -186,6 +188,50 @@ double mesh_fixture_area(const mesh *m)
         area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
     }
     return area;
+}
+
+mesh_fixture_points *mesh_fixture_scatter(const mesh *m, double spacing, uint64_t seed, int trials)
+{
+    mesh_fixture_points *s = calloc(1, sizeof *s);
+    rng r = rng_seed(seed, 0);
+    double *area_up_to = calloc(m->triangle_count, sizeof *area_up_to), area = 0;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const vec3 a = m->vertex[m->triangle[n][0]];
+        area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[m->triangle[n][1]], a),
+                                           vec3_sub(m->vertex[m->triangle[n][2]], a)));
+        area_up_to[n] = area;
+    }
+    for (int trial = 0; trial < trials && s->count < MESH_FIXTURE_POINTS; trial++) {
+        const double at = rng_uniform(&r) * area;
+        double u = rng_uniform(&r), v = rng_uniform(&r);
+        size_t n = 0, last = m->triangle_count - 1;
+        while (n < last) { /* the first triangle up to whose end the area is at least `at` */
+            const size_t middle = (n + last) / 2;
+            if (area_up_to[middle] < at)
+                n = middle + 1;
+            else
+                last = middle;
+        }
+        const vec3 a = m->vertex[m->triangle[n][0]], b = vec3_sub(m->vertex[m->triangle[n][1]], a),
+                   c = vec3_sub(m->vertex[m->triangle[n][2]], a), across = vec3_cross(b, c);
+        if (u + v > 1) {
+            u = 1 - u;
+            v = 1 - v;
+        }
+        const vec3 x = vec3_axpy(u, b, vec3_axpy(v, c, a)), normal = vec3_unit(across);
+        bool free_place = true;
+        for (size_t i = 0; i < s->count && free_place; i++)
+            free_place =
+                vec3_dot(s->normal[i], normal) < 0 || vec3_norm(vec3_sub(s->position[i], x)) > 0.7 * spacing;
+        if (!free_place) continue;
+        s->position[s->count] = x;
+        s->normal[s->count] = normal;
+        s->spacing[s->count] = spacing;
+        s->name[s->count] = (uint32_t)s->count;
+        s->count++;
+    }
+    free(area_up_to);
+    return s;
 }
 
 static void print_binary_stl(const mesh *m, FILE *file)

@@ -33,6 +33,19 @@ void mesh_fixture_add(mesh *m, uint32_t a, uint32_t b, uint32_t c);
 
 double mesh_fixture_area(const mesh *m);
 
+enum { MESH_FIXTURE_POINTS = 4000 };
+
+typedef struct mesh_fixture_points {
+    size_t count;
+    vec3 position[MESH_FIXTURE_POINTS], normal[MESH_FIXTURE_POINTS];
+    double spacing[MESH_FIXTURE_POINTS];
+    uint32_t name[MESH_FIXTURE_POINTS]; /* the index of each point */
+} mesh_fixture_points;
+
+/* Points drawn from the mesh by area. No point on the same side of the triangle is closer than .7
+ * spacings. The caller frees them. */
+mesh_fixture_points *mesh_fixture_scatter(const mesh *m, double spacing, uint64_t seed, int trials);
+
 /* A file in this format ("obj", "off", "ply", "stl", "bstl" for binary STL), in memory. */
 char *mesh_fixture_print(const mesh *m, const char *format, size_t *bytes);
 

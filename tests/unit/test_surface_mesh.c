@@ -18,65 +18,13 @@
 #include "surface/remesh/surface_mesh.h"
 #include "shapes.h"
 
-enum { MOST = 4000 };
 static const double spacing_wanted = 0.1;
 
-typedef struct scattered {
-    size_t count;
-    vec3 position[MOST], normal[MOST];
-    double spacing[MOST];
-    uint32_t name[MOST];
-} scattered;
-
-/* Points drawn from the mesh by area. No point on the same side of the triangle is closer than .7
- * spacings. */
-static scattered *scatter_with(const mesh *m, double spacing, uint64_t seed, int trials)
-{
-    scattered *s = calloc(1, sizeof *s);
-    rng r = rng_seed(seed, 0);
-    double *area_up_to = calloc(m->triangle_count, sizeof *area_up_to), area = 0;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]];
-        area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[m->triangle[n][1]], a),
-                                           vec3_sub(m->vertex[m->triangle[n][2]], a)));
-        area_up_to[n] = area;
-    }
-    for (int trial = 0; trial < trials && s->count < MOST; trial++) {
-        const double at = rng_uniform(&r) * area;
-        double u = rng_uniform(&r), v = rng_uniform(&r);
-        size_t n = 0, last = m->triangle_count - 1;
-        while (n < last) { /* the first triangle up to whose end the area is at least `at` */
-            const size_t middle = (n + last) / 2;
-            if (area_up_to[middle] < at)
-                n = middle + 1;
-            else
-                last = middle;
-        }
-        const vec3 a = m->vertex[m->triangle[n][0]], b = vec3_sub(m->vertex[m->triangle[n][1]], a),
-                   c = vec3_sub(m->vertex[m->triangle[n][2]], a), across = vec3_cross(b, c);
-        if (u + v > 1) {
-            u = 1 - u;
-            v = 1 - v;
-        }
-        const vec3 x = vec3_axpy(u, b, vec3_axpy(v, c, a)), normal = vec3_unit(across);
-        bool free_place = true;
-        for (size_t i = 0; i < s->count && free_place; i++)
-            free_place =
-                vec3_dot(s->normal[i], normal) < 0 || vec3_norm(vec3_sub(s->position[i], x)) > 0.7 * spacing;
-        if (!free_place) continue;
-        s->position[s->count] = x;
-        s->normal[s->count] = normal;
-        s->spacing[s->count] = spacing;
-        s->name[s->count] = (uint32_t)s->count;
-        s->count++;
-    }
-    free(area_up_to);
-    return s;
-}
+typedef mesh_fixture_points scattered;
 
 static scattered *scatter(const mesh *m)
 {
-    return scatter_with(m, spacing_wanted, 7, 60000);
+    return mesh_fixture_scatter(m, spacing_wanted, 7, 60000);
 }
 
 /* Checks the triangles between these points, some of which are connected by steps of curves. */
@@ -320,7 +268,7 @@ static void necks_at_handles_have_no_empty_triangle(void **state)
     mesh m = welded(24, 100, handle);
     error e = {0};
     for (uint64_t seed = 1; seed <= 30; seed++) {
-        scattered *s = scatter_with(&m, 0.3, seed, 3000);
+        scattered *s = mesh_fixture_scatter(&m, 0.3, seed, 3000);
         for (size_t i = 0; i < s->count;)
             if (M_PI - fabs(atan2(s->position[i].y, s->position[i].x)) < 2 * M_PI * bar_turns)
                 drop_point(s, i);

@@ -520,7 +520,8 @@ static bool make_triangles(const job *j, const mesh *on, solution *s, error *e)
                                    stands->point,
                                    p->count,
                                    (const uint32_t(*)[2])side,
-                                   side_count};
+                                   side_count,
+                                   NULL};
     error why = {0};
     drop_triangles(s);
     const bool ok = surface_mesh_make(&in, &s->corner, &s->triangles, &why);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "job/phases/mesh_faults.h"
 #include "surface/remesh/surface_mesh.h"
 
 static const char what[] = "the meshes of patches";
@@ -42,11 +43,6 @@ typedef struct repair {
     size_t count, corner_capacity, label_capacity; /* of the result */
     size_t repaired;
 } repair;
-
-size_t patch_meshes_faults(const triangulation_facts *f)
-{
-    return f->nonmanifold_edges - f->seam_edges + f->nonmanifold_vertices + f->boundary_edges - f->rim_edges;
-}
 
 /* ---- items of each patch ---- */
 
@@ -181,7 +177,7 @@ static bool survey_piece(const repair *m, const piece *p, triangulation *made, s
                                     .side = (const uint32_t(*)[2])p->side,
                                     .side_count = p->sides};
     if (!triangulation_survey(&in, m->pool, made, e) || !count_off_curves(p, made, faults, e)) return false;
-    *faults += patch_meshes_faults(&made->facts);
+    *faults += mesh_faults_count(&made->facts);
     return true;
 }
 
@@ -213,8 +209,8 @@ static bool make_along(repair *m, size_t patch, size_t faults, piece *p, error *
     size_t others;
     bool ok = mesh_of_patch(m, patch, &along, e);
     const surface_mesh_input in = {
-        &along,  p->points, p->position, p->spacing, p->name, p->points, (const uint32_t(*)[2])p->side,
-        p->sides};
+        &along,   p->points, p->position, p->spacing, p->name, p->points, (const uint32_t(*)[2])p->side,
+        p->sides, NULL};
     ok = ok && surface_mesh_make(&in, &other.corner, &other.facts.triangles, e) &&
          survey_piece(m, p, &other, &others, e);
     mesh_free(&along);
@@ -302,7 +298,7 @@ bool patch_meshes_repair(const triangulation_input *in, const mesh_patches *on, 
     by_patch_free(&m.triangles);
     free(m.own);
     free(m.vertex);
-    if (!ok || m.repaired == 0 || patch_meshes_faults(&repaired.facts) > patch_meshes_faults(&made->facts)) {
+    if (!ok || m.repaired == 0 || mesh_faults_count(&repaired.facts) > mesh_faults_count(&made->facts)) {
         triangulation_free(&repaired);
         return ok;
     }

@@ -11,10 +11,6 @@
 #include "surface/triangles/mesh_patches.h"
 #include "sampling/voronoi/triangulation.h"
 
-/* The number of edges and vertices at which the triangles are not a manifold or have an unexpected
- * boundary. */
-size_t patch_meshes_faults(const triangulation_facts *facts);
-
 /* `made`: the result of triangulation_make for `in`, whose labels are the patches of `on`. Replaces the
  * triangles of patches that have fewer faults if built along the patch. *made is unchanged after failure.
  * Errors: limit_memory, cancelled. Deterministic for any number of threads. */

@@ -17,10 +17,10 @@
 #include "io/points/property.h"
 #include "io/points/quantity.h"
 #include "io/points/writers.h"
-#include "surface/remesh/surface_mesh.h"
 #include "job/phases/instances.h"
 #include "job/phases/label_meshes.h"
 #include "job/phases/layout.h"
+#include "job/phases/fault_repair.h"
 #include "job/phases/patch_meshes.h"
 #include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
@@ -268,19 +268,9 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     return ok;
 }
 
-/* Maximum points for a triangulation along the mesh: the pieces of the mesh would take gigabytes. */
-static const size_t most_on_pieces = 200000;
-
-/* Triangulates the points along the mesh on which they lie. */
-static bool triangulate_on(const results_input *in, const triangulation_input *sites, threads *pool,
-                           triangulation *out, error *e)
-{
-    const surface_mesh_input on = {in->triangles, sites->count,  sites->position, sites->spacing,
-                                   sites->point,  sites->points, sites->side,     sites->side_count};
-    *out = (triangulation){0};
-    return surface_mesh_make(&on, &out->corner, &out->facts.triangles, e) &&
-           triangulation_survey(sites, pool, out, e);
-}
+/* Maximum points of a segmentation for a repair of its patches: the pieces of the mesh would take
+ * gigabytes. */
+static const size_t most_of_patches = 200000;
 
 static bool copy_known(const results_input *in, const triangulation_input *sites, threads *pool,
                        triangulation *out, error *e)
@@ -292,34 +282,21 @@ static bool copy_known(const results_input *in, const triangulation_input *sites
     return triangulation_survey(sites, pool, out, e);
 }
 
-/* Replaces the triangulation by one along the mesh, where that has fewer faults. */
-static bool repair(const results_input *in, const triangulation_input *sites, threads *pool,
-                   triangulation *out, error *e)
-{
-    if (in->labels) return patch_meshes_repair(sites, label_surface_patches(in->labels), pool, out, e);
-    triangulation other;
-    const bool ok = triangulate_on(in, sites, pool, &other, e);
-    if (ok && patch_meshes_faults(&other.facts) < patch_meshes_faults(&out->facts)) {
-        const triangulation worse = *out;
-        *out = other;
-        other = worse;
-    }
-    triangulation_free(&other);
-    return ok;
-}
-
 /* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not
- * a manifold, along the mesh, which takes longer. */
+ * a manifold, repairs it along the mesh. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {
     error why = {0};
     if (in->corner) return copy_known(in, sites, pool, out, e);
     if (!triangulation_make(sites, pool, out, e)) return false;
-    const bool on_triangles = in->triangles || (in->labels && in->sampled == label_surface_field(in->labels));
-    if (!on_triangles || triangulation_is_manifold(&out->facts) || sites->count > most_on_pieces) return true;
-    if (repair(in, sites, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
-        return true; /* keep the present triangulation */
+    const bool on_patches =
+        in->labels && in->sampled == label_surface_field(in->labels) && sites->count <= most_of_patches;
+    if (!(in->triangles || on_patches) || triangulation_is_manifold(&out->facts)) return true;
+    const bool ok = on_patches
+                        ? patch_meshes_repair(sites, label_surface_patches(in->labels), pool, out, &why)
+                        : fault_repair_along(sites, in->triangles, pool, out, &why);
+    if (ok || why.code == ERROR_LIMIT_MEMORY) return true; /* keep the present triangulation */
     if (e) *e = why;
     return false;
 }

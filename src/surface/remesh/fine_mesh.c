@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "surface/remesh/fine_mesh.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,47 @@ static const char what[] = "the pieces of the mesh";
 /* Maximum number of passes; each halves a side at most once. */
 enum { MOST_PASSES = 24 };
 
+/* ---- a part of the mesh ---- */
+
+/* Whether the bounding sphere of a triangle, about its centroid, meets the part. */
+static bool meets_part(const fine_mesh_part *part, const mesh *m, const uint32_t t[3])
+{
+    if (!part) return true;
+    const vec3 a = m->vertex[t[0]], b = m->vertex[t[1]], c = m->vertex[t[2]],
+               middle = vec3_scale(vec3_add(a, vec3_add(b, c)), 1.0 / 3);
+    const double reach = fmax(vec3_norm2(vec3_sub(a, middle)),
+                              fmax(vec3_norm2(vec3_sub(b, middle)), vec3_norm2(vec3_sub(c, middle))));
+    double away;
+    const uint32_t center = point_tree_nearest(part->centers, middle, 0, &away);
+    return away <= part->radius[center] + sqrt(reach);
+}
+
+/* Copies the triangles that meet the part, and their vertices. */
+static bool copy_part(const mesh *whole, const fine_mesh_part *part, mesh *out, error *e)
+{
+    size_t count = 0;
+    *out = (mesh){.welded = whole->welded};
+    uint32_t *vertex = mem_array(whole->vertex_count, sizeof *vertex, what, e),
+             *of_part = mem_array(whole->triangle_count, sizeof *of_part, what, e);
+    bool ok = vertex && of_part;
+    for (size_t n = 0; ok && n < whole->triangle_count; n++)
+        if (meets_part(part, whole, whole->triangle[n])) of_part[count++] = (uint32_t)n;
+    ok = ok && (out->triangle = mem_array(count, sizeof *out->triangle, what, e)) &&
+         (out->vertex = mem_array(3 * count, sizeof *out->vertex, what, e));
+    for (size_t c = 0; ok && c < 3 * count; c++) {
+        const uint32_t v = whole->triangle[of_part[c / 3]][c % 3];
+        if (vertex[v] == 0) { /* index + 1; 0: not copied yet */
+            out->vertex[out->vertex_count] = whole->vertex[v];
+            vertex[v] = (uint32_t)++out->vertex_count;
+        }
+        out->triangle[c / 3][c % 3] = vertex[v] - 1;
+    }
+    if (ok) out->triangle_count = count;
+    free(vertex);
+    free(of_part);
+    return ok;
+}
+
 /* ---- sides and their midpoint vertices ---- */
 
 #define WHOLE UINT32_MAX /* a side that is not halved; greater than any index of a vertex or triangle */
@@ -24,6 +66,7 @@ typedef struct side {
 
 typedef struct halving {
     fine_mesh *out;
+    const fine_mesh_part *part;
     const point_tree *tree;
     const double *spacing;
     double share;
@@ -128,6 +171,7 @@ static bool halve_sides(halving *h, uint32_t (**at_hand)[3], size_t *count, erro
     for (size_t n = 0; ok && n < *count; n++) {
         const uint32_t *t = (*at_hand)[n];
         uint32_t middle[3];
+        if (!meets_part(h->part, &h->out->m, t)) continue;
         for (int k = 0; ok && k < 3; k++) ok = halve_side(h, t[k], t[(k + 1) % 3], &middle[k], e);
         if (!ok) break;
         if (middle[0] == WHOLE && middle[1] == WHOLE && middle[2] == WHOLE)
@@ -157,16 +201,20 @@ static bool list_around(fine_mesh *f, error *e)
     return true;
 }
 
-bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const double *spacing,
-                    double share, fine_mesh *out, error *e)
+bool fine_mesh_make(const mesh *whole, const fine_mesh_part *part, size_t count, const vec3 *position,
+                    const double *spacing, double share, fine_mesh *out, error *e)
 {
     mesh_notes unused = {0};
     *out = (fine_mesh){0};
     point_tree *tree = point_tree_new(position, count, e);
-    bool ok =
-        tree && mesh_copy(whole, NULL, &out->m, e) && mesh_weld(&out->m, MESH_KEEP_CANCELLED, &unused, e);
-    halving h = {
-        .out = out, .tree = tree, .spacing = spacing, .share = share, .vertex_room = out->m.vertex_count};
+    bool ok = tree && (part ? copy_part(whole, part, &out->m, e) : mesh_copy(whole, NULL, &out->m, e)) &&
+              mesh_weld(&out->m, MESH_KEEP_CANCELLED, &unused, e);
+    halving h = {.out = out,
+                 .part = part,
+                 .tree = tree,
+                 .spacing = spacing,
+                 .share = share,
+                 .vertex_room = out->m.vertex_count};
     uint32_t(*at_hand)[3] = out->m.triangle;
     size_t left = out->m.triangle_count;
     out->m.triangle = NULL;

@@ -10,6 +10,7 @@
 
 #include "base/core/error.h"
 #include "geometry/mesh/mesh.h"
+#include "geometry/space/point_tree.h"
 
 typedef struct fine_mesh {
     mesh m;
@@ -18,10 +19,17 @@ typedef struct fine_mesh {
     uint32_t *around;
 } fine_mesh;
 
-/* Each side is at most `share` times the spacing of the point nearest to its midpoint. Free *out also after
- * failure. Error: limit_memory. */
-bool fine_mesh_make(const mesh *whole, size_t count, const vec3 *position, const double *spacing,
-                    double share, fine_mesh *out, error *e);
+/* A part of a mesh: the pieces within a radius of some centers. */
+typedef struct fine_mesh_part {
+    const point_tree *centers;
+    const double *radius; /* per center */
+} fine_mesh_part;
+
+/* Each side is at most `share` times the spacing of the point nearest to its midpoint. `part`: pieces whose
+ * bounding sphere is beyond the radius of its nearest center are left out; NULL: the whole mesh. Free *out
+ * also after failure. Error: limit_memory. */
+bool fine_mesh_make(const mesh *whole, const fine_mesh_part *part, size_t count, const vec3 *position,
+                    const double *spacing, double share, fine_mesh *out, error *e);
 void fine_mesh_free(fine_mesh *f);
 
 #endif

@@ -125,7 +125,7 @@ bool left_out_find(const left_out_input *in, double share, size_t most, threads 
     triangle_tree *of_mesh = NULL, *of_made = NULL;
     *place = NULL;
     *count = 0;
-    bool ok = fine_mesh_make(in->on, in->count, in->position, in->spacing, PIECES, &fine, e) &&
+    bool ok = fine_mesh_make(in->on, NULL, in->count, in->position, in->spacing, PIECES, &fine, e) &&
               (of_mesh = triangle_tree_new(in->on, e)) && (of_made = triangle_tree_new(&made, e));
     search s = {in, share, &fine.m, &made, of_mesh, of_made, NULL};
     ok = ok && look(&s, most, pool, place, count, e);

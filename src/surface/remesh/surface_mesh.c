@@ -771,7 +771,7 @@ bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], s
     uint32_t *name = NULL;
     flipping f = {0};
     vec3 *at = mem_array(in->names, sizeof *at, what, e);
-    bool ok = at && fine_mesh_make(in->m, in->count, in->position, in->spacing, PIECES, &fine, e) &&
+    bool ok = at && fine_mesh_make(in->m, in->part, in->count, in->position, in->spacing, PIECES, &fine, e) &&
               geodesic_cells_grow(&fine, in->count, in->position, in->name, &name, e);
     for (size_t i = 0; ok && i < in->count; i++) at[in->name[i]] = in->position[i];
     f.at = at;

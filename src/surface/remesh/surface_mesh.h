@@ -15,6 +15,7 @@
 
 #include "base/core/error.h"
 #include "geometry/mesh/mesh.h"
+#include "surface/remesh/fine_mesh.h"
 
 typedef struct surface_mesh_input {
     const mesh *m;
@@ -26,6 +27,7 @@ typedef struct surface_mesh_input {
     /* segments along curves, each between two of the points; their edges are kept */
     const uint32_t (*side)[2];
     size_t side_count;
+    const fine_mesh_part *part; /* of the mesh, with all points on it; NULL: the whole mesh */
 } surface_mesh_input;
 
 /* Triangles with the orientation of the mesh; the caller frees them. Error: limit_memory. Deterministic. */
