@@ -43,8 +43,8 @@ takes_over_a_state() {
     chown -R hexad:hexad /var/lib/hexad
     systemctl start hexad.socket
     hexadctl list | tee list && [ "$(grep -c . list)" = 14 ] &&
-        sent=$(awk '/ sent$/ { print $1 }' list) && hexadctl fetch "$sent" --output sent && test -s sent/points.ply &&
-        until_true sh -c "hexadctl list | grep ' runs$' | grep -q succeeded"
+        sent=$(awk '/  sent$/ { print $1 }' list) && hexadctl fetch "$sent" --output sent && test -s sent/points.ply &&
+        until_true sh -c "hexadctl list | grep '  runs$' | grep -q succeeded"
 }
 
 is_upgraded() {
