@@ -3,7 +3,7 @@
 // and hexad-worker in PATH.
 const JOB_TYPE = {
     label: "hexad",
-    description: "Samples implicit surfaces, a task for each frame",
+    description: "Samples surfaces (meshes, volumes, formulas), a task for each frame",
     settings: [
         { key: "spec", type: "string", required: true, description: "Path of the job spec" },
         { key: "output", type: "string", required: true, description: "Results go to OUTPUT/FRAME" },

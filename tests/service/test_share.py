@@ -46,6 +46,46 @@ def test_a_frame_tells_its_progress_and_its_end(place):
     assert run(place, "hexad-frame", "spec.json", "out", 9).returncode == 2
 
 
+def write_spec(place, **more):
+    (place / "spec.json").write_text(json.dumps(sphere(output={"preview": False}, **more), indent=1))
+
+
+def test_a_coherent_frame_requires_the_result_of_the_frame_before(place):
+    write_spec(place, queue={"frames": "1-3x2,7", "coherent": True, "by_frame": {"/surface/analytic/radius": [1, 2, 3]}})
+    done = run(place, "hexad-frame", "spec.json", "out", 3)
+    assert done.returncode == 2 and "continues frame 1" in done.stderr and not (place / "out/3").exists()
+    for frame in (1, 3, 7):
+        assert run(place, "hexad-frame", "spec.json", "out", frame).returncode == 0
+    sequences = [json.loads((place / f"out/{frame}/report.json").read_text())["sequence"] for frame in (1, 3, 7)]
+    assert [s.get("previous_frame") for s in sequences] == [None, 1, 3]
+
+
+def test_a_spec_without_frames(place):
+    write_spec(place)
+    assert run(place, "hexad-frame", "spec.json", "out/a", "-").returncode == 0
+    assert json.loads((place / "out/a/report.json").read_text())["count"] == 200
+
+
+def test_a_result_of_another_spec_is_refused(place):
+    queue = dict(FRAMES)
+    assert run(place, "hexad-frame", "spec.json", "out", 1).returncode == 0
+    write_spec(place, queue={**queue, "frames": "1,4-5"})  # other frames, and other spaces
+    assert run(place, "hexad-frame", "spec.json", "out", 1).returncode == 0
+    write_spec(place, queue=queue, solver={"seed": 7})
+    done = run(place, "hexad-frame", "spec.json", "out", 1)
+    assert done.returncode == 2 and "another spec" in done.stderr
+    (place / "out/1/spec.sha256").unlink()
+    assert run(place, "hexad-frame", "spec.json", "out", 1).returncode == 0
+
+
+def test_strict_status_has_the_outcome(place, monkeypatch):
+    write_spec(place, queue=FRAMES, solver={"max_sweeps": 1})
+    assert run(place, "hexad-frame", "spec.json", "out", 1).returncode == 0
+    monkeypatch.setenv("HEXAD_STRICT", "1")
+    assert run(place, "hexad-frame", "spec.json", "out", 1).returncode == 10  # of the result that is there
+    assert run(place, "hexad-frame", "spec.json", "out", 2).returncode == 10
+
+
 def test_a_frame_ends_when_it_is_told_to(place):
     (place / "spec.json").write_text(json.dumps(long_sphere(queue=FRAMES)))
     frame = subprocess.Popen(["hexad-frame", "spec.json", "out", "1"], cwd=place, text=True, stdout=subprocess.PIPE)
