@@ -282,7 +282,9 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
     return *out != NULL;
 }
 
-/* Solves a packing by levels, uniform or by its sizing field, from which a solve with `params` may start. */
+/* Solves a packing by levels, from which a solve with `params` may start: uniform, by its sizing field or by
+ * its amplitudes. The radii of Witkin and Heckbert's method depend on amplitudes in another way: its packing
+ * is uniform. */
 static solver *pack_by_levels(const job *j, const solver_params *params, error *e)
 {
     solver_params packed = *params;
@@ -291,7 +293,8 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     packed.coarse_to_fine = true;
     packed.repair_defects = false;
     packed.energy = NULL;
-    packed.graded = packed.gradient = false;
+    packed.graded = params->graded && !params->witkin_heckbert;
+    packed.gradient = false;
     packed.sigma = packed.max_sigma = 0;
     solver *s = solver_new(j->source.field, j->scan, &packed, j->pool, e);
     bool ok = s != NULL;
@@ -331,11 +334,11 @@ static void start_from(solver_params *params, const frame_transfer *brought)
     params->given_place = brought->place;
 }
 
-/* Starts a solve with `params`, or from a packing by levels. */
+/* Starts a solve with `params`, or from a packing by levels unless points are given. */
 static solver *start_solve(const job *j, solver_params params, error *e)
 {
     solver *packed = NULL;
-    if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine) {
+    if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine && params.start != SOLVER_START_GIVEN) {
         packed = pack_by_levels(j, &params, e);
         if (!packed) return NULL;
         params.start = SOLVER_START_GIVEN;

@@ -19,7 +19,9 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
         .support = params->sigma,
         .omega = params->omega,
         .longest = params->fast_step * params->spacing,
-        .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
+        .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size),
+        .factors = r->factors,
+        .has_amplitudes = r->has_amplitudes};
 }
 
 /* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal,
