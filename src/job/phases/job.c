@@ -401,7 +401,8 @@ bool job_place(job *j, solution *out, error *e)
         .curvature = out->curvature,
         .sizing = out->sizing,
         .sigma = s->sigma,
-        .coarse_to_fine = s->method == SPEC_METHOD_SIZED && s->pattern == SPEC_PATTERN_HEXAGONAL,
+        .coarse_to_fine = (s->method == SPEC_METHOD_SIZED && s->pattern == SPEC_PATTERN_HEXAGONAL) ||
+                          plan_grades_by_levels(s),
         .repair_defects = plan_repairs_defects(s),
         .energy = energy,
         .blue_noise = s->pattern == SPEC_PATTERN_BLUE_NOISE,

@@ -44,9 +44,7 @@ const regime *regime_for(const solver_params *params)
 {
     const bool is_continued = params->start == SOLVER_START_GIVEN,
                is_cotangent = !params->energy || params->energy == &energy_cotangent,
-               may_be_fast =
-                   params->coarse_to_fine || (is_continued && params->graded && !(params->max_sigma > 0)),
-               fast = may_be_fast && is_cotangent && !params->gradient;
+               fast = params->coarse_to_fine && is_cotangent && !params->gradient;
     if (params->witkin_heckbert) return &witkin_heckbert;
     if (params->blue_noise) return &blue_noise;
     if (is_continued) return fast ? &continued : &continued_paper;
