@@ -37,7 +37,7 @@ typedef struct fast_kernel_particles {
     float size[FAST_KERNEL_LANES];
     /* longest displacement that keeps the lists valid, world units */
     float allowed_step[FAST_KERNEL_LANES];
-    float damping[FAST_KERNEL_LANES]; /* lambda of (11); 0: none */
+    float damping[FAST_KERNEL_LANES];   /* lambda of (11); 0: none */
     float amplitude[FAST_KERNEL_LANES]; /* alpha of (13); read with has_amplitudes only */
     vec3_lanes position, normal;
 } fast_kernel_particles;
@@ -74,7 +74,7 @@ typedef struct fast_kernel_params {
     double farthest; /* maximum distance from the surface before the Newton step over size, world units */
     const fast_kernel_factors *factors; /* of all points; not read unless one of the following is set */
     bool has_facing;                    /* pairs have facing weights (pair_weigh); otherwise these are 1 */
-    bool has_amplitudes; /* pairs have the mean amplitude of their points; otherwise it is 1 */
+    bool has_amplitudes;                /* pairs have the mean amplitude of their points; otherwise it is 1 */
 } fast_kernel_params;
 
 /* Positions of the particles during a step: after the step in the tangent plane, then on the surface. */

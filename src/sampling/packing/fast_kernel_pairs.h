@@ -142,8 +142,8 @@ ISA_INLINE void VERSION(turn)(const VERSION(pair) * p, VERSION(floats) * wcot, V
     *over = VERSION_ROOT(p->q) * *up;
 }
 
-ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, VERSION(factors) factors,
-                                  const VERSION(own) * own, VERSION(sums) * out)
+ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, VERSION(factors) factors, const VERSION(own) * own,
+                                  VERSION(sums) * out)
 {
     VERSION(floats) wcot, up, over;
     VERSION(turn)(p, &wcot, &up, &over);
@@ -218,16 +218,16 @@ ISA_INLINE void VERSION(sum_energies)(const neighbours_place *place, VERSION(fac
 }
 
 /* Calls a function once for each choice of the factors, which are then constants. */
-#define VERSION_WITH_FACTORS(function, ...)                                               \
-    do {                                                                                  \
-        const fast_kernel_factors *of = params->factors;                                  \
-        if (params->has_facing && params->has_amplitudes)                                 \
-            VERSION(function)(place, (VERSION(factors)){of, true, true}, __VA_ARGS__);    \
-        else if (params->has_facing)                                                      \
-            VERSION(function)(place, (VERSION(factors)){of, true, false}, __VA_ARGS__);   \
-        else if (params->has_amplitudes)                                                  \
-            VERSION(function)(place, (VERSION(factors)){of, false, true}, __VA_ARGS__);   \
-        else                                                                              \
+#define VERSION_WITH_FACTORS(function, ...)                                                \
+    do {                                                                                   \
+        const fast_kernel_factors *of = params->factors;                                   \
+        if (params->has_facing && params->has_amplitudes)                                  \
+            VERSION(function)(place, (VERSION(factors)){of, true, true}, __VA_ARGS__);     \
+        else if (params->has_facing)                                                       \
+            VERSION(function)(place, (VERSION(factors)){of, true, false}, __VA_ARGS__);    \
+        else if (params->has_amplitudes)                                                   \
+            VERSION(function)(place, (VERSION(factors)){of, false, true}, __VA_ARGS__);    \
+        else                                                                               \
             VERSION(function)(place, (VERSION(factors)){NULL, false, false}, __VA_ARGS__); \
     } while (0)
 
