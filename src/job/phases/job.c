@@ -334,11 +334,11 @@ static void start_from(solver_params *params, const frame_transfer *brought)
     params->given_place = brought->place;
 }
 
-/* Starts a solve with `params`, or from a packing by levels unless points are given. */
+/* Starts a solve with `params`, or from a packing by levels. */
 static solver *start_solve(const job *j, solver_params params, error *e)
 {
     solver *packed = NULL;
-    if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine && params.start != SOLVER_START_GIVEN) {
+    if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine) {
         packed = pack_by_levels(j, &params, e);
         if (!packed) return NULL;
         params.start = SOLVER_START_GIVEN;
