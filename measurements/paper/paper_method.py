@@ -6,7 +6,7 @@
                           [--seeds 5] [--reference-seeds 5] [--jobs N] [--only WORD ...]
 
 The surfaces are those of paper_method.json; files are below HEXAD_SHARED. Each is sampled at the least count of LADDER that
-resolves it for all seeds. With --reference the same jobs run through another worker as well, and
+resolves it for all seeds, once from points distributed by area ("surface") and once from coarse to fine ("sized", the default). With --reference the same jobs run through another worker as well, and
 the page compares processor times. Ends with 1 when less came to rest than BOUNDS ask for.
 """
 import argparse
@@ -30,9 +30,9 @@ RESULTS = {0: "converged", 11: "unresolved", 10: "not_converged"}
 BOUNDS = {"meshes": ("surfaces", 22), "others": ("runs", 58)}
 
 
-def spec_of(surface, count, seed):
+def spec_of(surface, count, seed, init="surface"):
     return {"version": 1, "surface": surface, "sampling": {"count": count, "alpha": {"d": 2}},
-            "solver": {"method": "paper", "seed": seed, "threads": 1}, "output": {"preview": False}}
+            "solver": {"method": "paper", "init": init, "seed": seed, "threads": 1}, "output": {"preview": False}}
 
 
 def run(worker, spec):
@@ -72,8 +72,8 @@ def runs_at(worker, surface, count, seeds):
 
 
 def measure(surface, options):
-    """(count, largest share unresolved, runs, runs of the reference), at the least count of LADDER that resolves the surface for
-    all seeds, or else at OTHERWISE."""
+    """(count, largest share unresolved, runs, runs of the reference, runs from coarse to fine), at the least count of LADDER that
+    resolves the surface for all seeds, or else at OTHERWISE."""
     for count in (*LADDER, OTHERWISE):
         runs = runs_at(options.worker, surface, count, options.seeds)
         reports = [report for report, _, _ in runs if report]
@@ -81,7 +81,8 @@ def measure(surface, options):
         if all(map(is_resolved, reports)):
             break
     there = [run(options.reference, spec_of(surface, count, seed + 1)) for seed in range(options.reference_seeds)] if options.reference else []
-    return count, share, runs, there
+    sized = [run(options.worker, spec_of(surface, count, seed + 1, "sized")) for seed in range(options.seeds)]
+    return count, share, runs, there, sized
 
 
 def located(surface, data):
@@ -98,7 +99,7 @@ def rested(outcome, resolvable):
     return outcome == "converged" or (outcome == "unresolved" and not resolvable)
 
 
-def row_of(case, count, share, here, there):
+def row_of(case, init, count, share, here, there):
     resolvable = count != OTHERWISE
     at_rest = sum(rested(outcome, resolvable) for _, _, outcome in here)
     reports = [report for report, _, _ in here if report]
@@ -108,7 +109,7 @@ def row_of(case, count, share, here, there):
                       for report, _, outcome in here if report and not rested(outcome, resolvable)} |
                      {outcome for report, _, outcome in here if not report})
     hexagons = [r["quality"]["hex_fraction"] for r in reports if r["quality"]["hex_fraction"] is not None]
-    cells = [case["name"], str(count), f"{100 * share:.2g}", f"{at_rest} of {len(here)}",
+    cells = [case["name"], init, str(count), f"{100 * share:.2g}", f"{at_rest} of {len(here)}",
              f"{statistics.median(hexagons):.3f}" if hexagons else "-", f"{seconds:.2f}"]
     if there:
         before = statistics.median(s for _, s, _ in there)
@@ -123,21 +124,25 @@ def page(cases, options, pool):
     for group, (unit, least) in BOUNDS.items():
         if not any(case["group"] == group for case in cases):
             continue
-        head = ["surface", "points", "on thin walls %", "converged", "hex_fraction", "CPU s"]
+        head = ["surface", "init", "points", "on thin walls %", "converged", "hex_fraction", "CPU s"]
         head += ["reference converged", "reference CPU s", "ratio"] if options.reference else []
         lines += ["", f"## {group}", "", "| " + " | ".join([*head, "reasons"]) + " |", "|---" * (len(head) + 1) + "|"]
-        whole, runs, ended = 0, 0, 0
+        whole, runs, ended, by_levels = 0, 0, 0, 0
         for case, job in zip(cases, jobs):
             if case["group"] != group:
                 continue
-            count, share, here, there = job.result()
-            at_rest, line = row_of(case, count, share, here, there)
+            count, share, here, there, sized = job.result()
+            at_rest, line = row_of(case, "surface", count, share, here, there)
             whole, runs, ended = whole + (at_rest == options.seeds), runs + at_rest, ended + 1
+            share = max((share_of(report) for report, _, _ in sized if report), default=0)
+            sized_at_rest, sized_line = row_of(case, "sized", count, share, sized, there)
+            by_levels += sized_at_rest
             for k, results in enumerate([here[:len(there)], there]):
                 spent[k] += sum(seconds for _, seconds, _ in results)
-            lines.append(line)
-            print(line, file=sys.stderr, flush=True)
-        lines += ["", f"All seeds converged: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs."]
+            lines += [line, sized_line]
+            print(line, sized_line, sep="\n", file=sys.stderr, flush=True)
+        lines += ["", f"All seeds converged: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs. From coarse to fine: "
+                  f"{by_levels} runs."]
         if not options.only and (whole if unit == "surfaces" else runs) < least:
             faults.append(f"{group}: fewer {unit} converged than {least}")
     if options.reference:
@@ -165,7 +170,8 @@ def main():
             "`make paper-method` ([paper_method.py](paper_method.py)) runs the method `paper` with `alpha`, d = 2, on one "
             f"thread with {options.seeds} seeds. Each surface has the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % "
             "of the points lie on walls thinner than 1.2 spacings with every seed. A surface without such a count",
-            f"has {OTHERWISE} points, and the outcome `unresolved` counts as converged. Times are medians of CPU seconds."]
+            f"has {OTHERWISE} points, and the outcome `unresolved` counts as converged. Times are medians of CPU seconds. Rows with the "
+            "`init` `sized`, the default with `alpha`, have the same counts and seeds."]
     options.output.write_text("\n".join(head + lines) + "\n")
     for fault in faults:
         print(fault, file=sys.stderr)

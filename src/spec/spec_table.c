@@ -1307,10 +1307,11 @@ const spec_row spec_rows[] = {
      .prose =
          "surface: the first points are distributed over the surface by area. random: they are uniform in "
          "the domain or, for volumes, in the voxels that the surface crosses. sized: a packing computed "
-         "from coarse to fine as by the method sized, then refined by the chosen method. With "
-         "sampling.alpha the packing is graded, except for the method witkin-heckbert. Its sweeps are "
-         "part of the start and are not in the report. Default: sized if sampling.alpha is given, "
-         "otherwise surface. sampling.points excludes random and sized."},
+         "from coarse to fine as by the method sized, then refined by the chosen method. Its sweeps are "
+         "part of the start and are not in the report. With sampling.alpha and the method paper the "
+         "packing has the amplitudes; with the energy cotangent, the minimiser lm and no "
+         "sampling.control it is the result, and its sweeps are in the report. Default: sized if "
+         "sampling.alpha is given, otherwise surface. sampling.points excludes random and sized."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
