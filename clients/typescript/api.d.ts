@@ -758,9 +758,12 @@ export type JobSpec = {
     };
     /**
      * surface: the first points are distributed over the surface by area. random: they are uniform in the
-     * domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
-     * method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
-     * report. sampling.points excludes random and sized. Default: "surface".
+     * domain or, for volumes, in the voxels that the surface crosses. sized: a packing computed from coarse
+     * to fine as by the method sized, then refined by the chosen method. Its sweeps are part of the start and
+     * are not in the report. With sampling.alpha and the method paper the packing has the amplitudes; with
+     * the energy cotangent, the minimiser lm and no sampling.control it is the result, and its sweeps are in
+     * the report. Default: sized if sampling.alpha is given, otherwise surface. sampling.points excludes
+     * random and sized. Default: "surface".
      */
     init?: "surface" | "random" | "sized";
     /** The seed of the random numbers. The same spec, seed and build give the same bytes. Default: 0. */
@@ -1915,9 +1918,12 @@ export type AnsweredSpec = {
     };
     /**
      * surface: the first points are distributed over the surface by area. random: they are uniform in the
-     * domain or, for volumes, in the voxels that the surface crosses. sized: an even packing computed by the
-     * method sized, then refined by the chosen method. Its sweeps are part of the start and are not in the
-     * report. sampling.points excludes random and sized.
+     * domain or, for volumes, in the voxels that the surface crosses. sized: a packing computed from coarse
+     * to fine as by the method sized, then refined by the chosen method. Its sweeps are part of the start and
+     * are not in the report. With sampling.alpha and the method paper the packing has the amplitudes; with
+     * the energy cotangent, the minimiser lm and no sampling.control it is the result, and its sweeps are in
+     * the report. Default: sized if sampling.alpha is given, otherwise surface. sampling.points excludes
+     * random and sized.
      */
     init?: "surface" | "random" | "sized";
     /** The seed of the random numbers. The same spec, seed and build give the same bytes. */

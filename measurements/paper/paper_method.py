@@ -36,9 +36,9 @@ OUTCOMES = {0: "converged", 11: "unresolved", 10: "not_converged"}
 BOUNDS = {"meshes": ("surfaces", 22), "others": ("runs", 58)}
 
 
-def spec_of(surface, count, seed):
+def spec_of(surface, count, seed, init):
     return {"version": 1, "surface": surface, "sampling": {"count": count, "alpha": {"d": 2}},
-            "solver": {"method": "paper", "seed": seed, "threads": 1}, "output": {"preview": False}}
+            "solver": {"method": "paper", "init": init, "seed": seed, "threads": 1}, "output": {"preview": False}}
 
 
 def run(worker, spec):
@@ -68,11 +68,11 @@ def is_resolved(report):
     return share_of(report) <= RESOLVED and all(reason["criterion"] != "coverage" for reason in report["outcome_reasons"])
 
 
-def runs_at(worker, surface, count, seeds):
+def runs_at(worker, surface, count, seeds, init):
     """Runs of the paper's method. The first run that the count does not resolve is the last one, unless the count is OTHERWISE."""
     runs = []
     for seed in range(seeds):
-        runs.append(run(worker, spec_of(surface, count, seed + 1)))
+        runs.append(run(worker, spec_of(surface, count, seed + 1, init)))
         if count in LADDER and runs[-1][0] and not is_resolved(runs[-1][0]):
             break
     return runs
@@ -82,12 +82,12 @@ def measure(surface, options):
     """(count, largest share of points on thin walls, runs, runs of the reference), at the least count of LADDER that resolves the surface for
     all seeds, or else at OTHERWISE."""
     for count in (*LADDER, OTHERWISE):
-        runs = runs_at(options.worker, surface, count, options.seeds)
+        runs = runs_at(options.worker, surface, count, options.seeds, options.init)
         reports = [report for report, _, _ in runs if report]
         share = max(map(share_of, reports), default=0)
         if all(map(is_resolved, reports)):
             break
-    there = [run(options.reference, spec_of(surface, count, seed + 1)) for seed in range(options.reference_seeds)] if options.reference else []
+    there = [run(options.reference, spec_of(surface, count, seed + 1, init)) for seed in range(options.reference_seeds)] if options.reference else []
     return count, share, runs, there
 
 
@@ -154,6 +154,8 @@ def main():
     parser.add_argument("--worker", required=True, type=os.path.abspath)
     parser.add_argument("--reference", type=os.path.abspath, help="another worker, for its outcomes and CPU times")
     parser.add_argument("--output", required=True, type=pathlib.Path)
+    parser.add_argument("--init", default="surface", choices=["surface", "sized"],
+                        help="solver.init: surface is the paper's; sized, from coarse to fine, is the default of hexad")
     parser.add_argument("--seeds", default=5, type=int)
     parser.add_argument("--reference-seeds", default=5, type=int, help="seeds of the other worker")
     parser.add_argument("--jobs", default=1, type=int, help="jobs at the same time")

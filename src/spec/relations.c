@@ -16,6 +16,8 @@ static const char *default_of(const spec *s, const spec_surface *surface, const 
 {
     bool has = true;
     if (row->offset == offsetof(spec, method)) return s->has_alpha ? "\"paper\"" : row->otherwise;
+    if (row->offset == offsetof(spec, init))
+        return s->has_alpha && !s->has_points ? "\"sized\"" : row->otherwise;
     if (row->offset == offsetof(spec, camera.up)) return spec_y_up(s) ? "[0,1,0]" : "[0,0,1]";
     if (row->offset == offsetof(spec, preview_color)) return s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     if (row->offset == offsetof(spec, step)) has = s->minimiser == SPEC_MINIMISER_GRADIENT;

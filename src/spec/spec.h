@@ -271,7 +271,7 @@ typedef struct spec {
     double step;                          /* step of the gradient minimiser, in units of sigma^2 */
     spec_witkin_heckbert witkin_heckbert; /* parameters of this method */
     double sigma;                         /* solver.sigma: initial support; 0: chosen from count and area */
-    spec_init init;
+    spec_init init;                       /* default: sized with alpha, else surface */
     uint64_t seed;
     int threads; /* 0: the worker's share */
     spec_isa isa;

@@ -1301,14 +1301,18 @@ const spec_row spec_rows[] = {
               "longest side of the surface and 1.5 target radii."},
     {.pointer = MEMBER("/solver", "init"),
      .type = SPEC_TYPE_WORD,
+     .flags = SPEC_DEPENDENT,
      WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
      AT(init),
      .prose =
          "surface: the first points are distributed over the surface by area. random: they are uniform in "
-         "the domain or, for volumes, in the voxels that the surface crosses. sized: an even packing "
-         "computed by the method sized, then refined by the chosen method. Its sweeps are part of the "
-         "start and are not in the report. sampling.points excludes random and sized."},
+         "the domain or, for volumes, in the voxels that the surface crosses. sized: a packing computed "
+         "from coarse to fine as by the method sized, then refined by the chosen method. Its sweeps are "
+         "part of the start and are not in the report. With sampling.alpha and the method paper the "
+         "packing has the amplitudes; with the energy cotangent, the minimiser lm and no "
+         "sampling.control it is the result, and its sweeps are in the report. Default: sized if "
+         "sampling.alpha is given, otherwise surface. sampling.points excludes random and sized."},
     {.pointer = MEMBER("/solver", "seed"),
      .type = SPEC_TYPE_LARGE,
      .low = 0,

@@ -245,7 +245,8 @@ def test_not_converged_is_10_and_delivers(worker, tmp_path):
 
 @pytest.mark.parametrize("sampling", ({}, {"alpha": {"d": 2}}))
 def test_the_papers_method_from_a_packing_by_levels(worker, tmp_path, sampling):
-    """It takes fewer sweeps than from random places, and keeps the order that it begins with."""
+    """It takes fewer sweeps than from random places, and keeps the order that it begins with. With amplitudes all sweeps are those of the
+    packing, and the report has its rounds."""
     reports = []
     for init in ("random", "sized"):
         done = worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 1000, **sampling},
@@ -254,8 +255,31 @@ def test_the_papers_method_from_a_packing_by_levels(worker, tmp_path, sampling):
         reports.append(json.loads((tmp_path / "out" / "report.json").read_text()))
     random, sized = reports
     assert sized["count"] == 1000 and len(sized["sweeps"]) < len(random["sweeps"])
-    assert sized["sweeps"][-1]["mean_log10_lambda"] > 14
+    if sampling:
+        assert {r["regime"] for r in sized["rounds"]} == {"multilevel"} and len({r["level"] for r in sized["rounds"]}) > 1
+        assert sized["step_left"] < 0.003
+    else:
+        assert sized["sweeps"][-1]["mean_log10_lambda"] > 14
     assert sized["quality"]["hex_fraction"] > random["quality"]["hex_fraction"] - 0.01
+
+
+@pytest.mark.parametrize("sampling, solver, expected", [
+    ({}, {}, ("sized", "surface")),
+    ({}, {"method": "paper"}, ("paper", "surface")),
+    ({"alpha": {}}, {}, ("paper", "sized")),
+    ({"alpha": {}}, {"init": "surface"}, ("paper", "surface")),
+    ({"alpha": {}}, {"energy": "gaussian"}, ("paper", "sized")),
+    ({"alpha": {}}, {"method": "witkin-heckbert"}, ("witkin-heckbert", "sized")),
+    ({"curvature": {"ratio": 3}}, {}, ("sized", "surface"))])
+def test_points_start_packed_by_default_with_amplitudes(worker, tmp_path, sampling, solver, expected):
+    done = worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 300, **sampling}, "output": {"preview": False},
+                   "solver": solver})
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert (report["spec"]["solver"]["method"], report["spec"]["solver"]["init"]) == expected
+    by_levels = expected == ("sized", "surface") or ("alpha" in sampling and expected[1] == "sized" and "energy" not in solver and
+                                                     "method" not in solver)
+    assert (report["rounds"][0]["regime"] == "multilevel") == by_levels
 
 
 @pytest.mark.sanitized

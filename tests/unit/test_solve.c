@@ -167,19 +167,24 @@ static void result_of_varying_spacing_agrees_with_brute_force(void **state)
     analytic_free(a);
 }
 
-/* (14) for the curvature of the torus, and a spacing proportional to alpha^0.18 whose cells fill the area. */
-static void amplitudes_follow_curvature(void **state)
+static solver_params params_with_amplitudes(const analytic *a, size_t count)
 {
-    (void)state;
-    analytic *a = make_torus();
     solver_params params = solve_defaults;
-    params.count = 300;
-    params.coarse_to_fine = false;
+    params.count = count;
     params.graded = true;
     params.d = 2;
     params.gamma = 0.1;
     params.nu = 0.75;
     params.kappa_max = 2.55 * a->base.extent; /* parts of the torus have a larger curvature */
+    return params;
+}
+
+/* (14) for the curvature of the torus, and a spacing proportional to alpha^0.18 whose cells fill the area. */
+static void check_amplitudes(bool coarse_to_fine, size_t count)
+{
+    analytic *a = make_torus();
+    solver_params params = params_with_amplitudes(a, count);
+    params.coarse_to_fine = coarse_to_fine;
     solve x;
     solve_all(&a->base, &params, 1, &x);
     size_t bounded = 0;
@@ -428,6 +433,41 @@ static void stopped_pool_cancels_the_result(void **state)
     assert_false(solver_finalize(x.solver, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
     solve_free(&x);
+    analytic_free(a);
+}
+
+static void amplitudes_follow_curvature(void **state)
+{
+    (void)state;
+    check_amplitudes(false, 300);
+}
+
+static void amplitudes_follow_curvature_from_coarse_to_fine(void **state)
+{
+    (void)state;
+    check_amplitudes(true, 1500);
+}
+
+/* For all instruction sets as well. */
+static void threads_do_not_change_a_multilevel_solve_with_amplitudes(void **state)
+{
+    (void)state;
+    analytic *a = make_torus();
+    solver_params params = params_with_amplitudes(a, 2500);
+    params.max_sweeps = 300;
+    solve one;
+    solve_all(&a->base, &params, 1, &one);
+    for (isa which = ISA_PORTABLE; which < ISA_COUNT; which++) {
+        if (!isa_available(which)) continue;
+        solve three;
+        params.isa = which;
+        solve_all(&a->base, &params, 3, &three);
+        assert_memory_equal(one.points->position, three.points->position, params.count * sizeof(vec3));
+        assert_memory_equal(one.points->alpha, three.points->alpha, params.count * sizeof(double));
+        assert_memory_equal(one.points->energy, three.points->energy, params.count * sizeof(double));
+        solve_free(&three);
+    }
+    solve_free(&one);
     analytic_free(a);
 }
 
@@ -725,6 +765,8 @@ int main(void)
         cmocka_unit_test(stopped_pool_leaves_a_sweep_undone),
         cmocka_unit_test(stopped_pool_cancels_the_result),
         cmocka_unit_test(threads_do_not_change_a_multilevel_solve),
+        cmocka_unit_test(amplitudes_follow_curvature_from_coarse_to_fine),
+        cmocka_unit_test(threads_do_not_change_a_multilevel_solve_with_amplitudes),
     };
     return cmocka_run_group_tests_name("solve", tests, NULL, NULL);
 }

@@ -75,7 +75,7 @@ static const char *rehearsal_obstacle(const job *j)
 static double rehearse(job *j)
 {
     const size_t count = j->count;
-    const bool by_levels = j->spec->method == SPEC_METHOD_SIZED;
+    const bool by_levels = j->spec->method == SPEC_METHOD_SIZED || plan_grades_by_levels(j->spec);
     const double begin_s = clock_processor_s();
     size_t part = 1;
     run_cost cost;

@@ -282,7 +282,9 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
     return *out != NULL;
 }
 
-/* Solves a packing by levels, uniform or by its sizing field, from which a solve with `params` may start. */
+/* Solves a packing by levels, from which a solve with `params` may start: uniform, by its sizing field or by
+ * its amplitudes. The radii of Witkin and Heckbert's method depend on amplitudes in another way: its packing
+ * is uniform. */
 static solver *pack_by_levels(const job *j, const solver_params *params, error *e)
 {
     solver_params packed = *params;
@@ -291,7 +293,8 @@ static solver *pack_by_levels(const job *j, const solver_params *params, error *
     packed.coarse_to_fine = true;
     packed.repair_defects = false;
     packed.energy = NULL;
-    packed.graded = packed.gradient = false;
+    packed.graded = params->graded && !params->witkin_heckbert;
+    packed.gradient = false;
     packed.sigma = packed.max_sigma = 0;
     solver *s = solver_new(j->source.field, j->scan, &packed, j->pool, e);
     bool ok = s != NULL;
@@ -398,7 +401,8 @@ bool job_place(job *j, solution *out, error *e)
         .curvature = out->curvature,
         .sizing = out->sizing,
         .sigma = s->sigma,
-        .coarse_to_fine = s->method == SPEC_METHOD_SIZED && s->pattern == SPEC_PATTERN_HEXAGONAL,
+        .coarse_to_fine = (s->method == SPEC_METHOD_SIZED && s->pattern == SPEC_PATTERN_HEXAGONAL) ||
+                          plan_grades_by_levels(s),
         .repair_defects = plan_repairs_defects(s),
         .energy = energy,
         .blue_noise = s->pattern == SPEC_PATTERN_BLUE_NOISE,

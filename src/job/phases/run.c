@@ -7,6 +7,7 @@
 #include "job/phases/attach.h"
 #include "job/phases/job.h"
 #include "job/report/report.h"
+#include "job/source/plan.h"
 #include "job/phases/time_target.h"
 #include "files/file.h"
 
@@ -48,6 +49,7 @@ static outcome_input outcome_input_of(const job *j)
     const solver_outcome end = solver_result(s);
     size_t sweeps;
     const solver_sweep *sweep = solver_sweeps(s, &sweeps);
+    const bool by_levels = j->spec->method == SPEC_METHOD_SIZED || plan_grades_by_levels(j->spec);
     return (outcome_input){
         .measures = &j->solution.measures,
         .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
@@ -58,7 +60,7 @@ static outcome_input outcome_input_of(const job *j)
         .is_blue_noise = j->spec->pattern == SPEC_PATTERN_BLUE_NOISE,
         .gain = solver_gain(s),
         .gain_tolerance = solver_coarsest_gain(s),
-        .energy_error = j->spec->method == SPEC_METHOD_SIZED ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),
+        .energy_error = by_levels ? 0 : fabs(p->mean_energy / p->ideal_energy - 1),
         .energy_tolerance = j->spec->energy_tolerance,
         .count_error = j->spec->has_control || j->count == 0 ? 0
                        : p->count > j->count                 ? p->count - j->count

@@ -39,6 +39,12 @@ double plan_picture_memory(const spec *s)
     return s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
 }
 
+bool plan_grades_by_levels(const spec *s)
+{
+    return s->has_alpha && s->init == SPEC_INIT_SIZED && s->method == SPEC_METHOD_PAPER && !s->has_control &&
+           s->energy == SPEC_ENERGY_COTANGENT && s->minimiser == SPEC_MINIMISER_LM;
+}
+
 bool plan_repairs_defects(const spec *s)
 {
     const bool has_patches =
@@ -60,7 +66,7 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
     double more =
         fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->points_in[FILE_FORMAT_VDB] ? BYTES_PER_GRID_POINT : 0);
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
-    if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
+    if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED && !plan_grades_by_levels(s))
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at the same time */
     if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
     if (s->has_orient || s->has_instancer) more += BYTES_PER_INSTANCE;

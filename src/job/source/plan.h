@@ -15,6 +15,10 @@
 #define PLAN_COUNT_MIN 4.0
 #define PLAN_COUNT_MAX 1e8
 
+/* Whether the method `paper` with amplitudes solves from coarse to fine: by default, unless the count is
+ * controlled, or another energy or minimiser is chosen. */
+bool plan_grades_by_levels(const spec *s);
+
 /* Whether defects of the converged packing are repaired (solver_repair_defects). */
 bool plan_repairs_defects(const spec *s);
 

@@ -5,8 +5,8 @@
  * A fast step is one step of the quadratic model of the energy in the tangent plane, followed by one Newton
  * step onto the surface. The energy at its end is not evaluated. Forces are in single precision: the
  * derivative (7) of the cotangent potential (6) and the first term of its Hessian (10) in the tangent frame,
- * as in pair_forces_at. Guarded steps use the same functions, with facing weights, damping, and energies at
- * the end. Positions are integers, so that their differences are exact; the error of a step is about 1e-6
+ * as in pair_forces_at. Pairs have amplitudes (13) if particles have them. Guarded steps use the same
+ * functions, with facing weights, damping, and energies at the end. Positions are integers, so that their differences are exact; the error of a step is about 1e-6
  * spacings. The result of a lane is the same to the last bit for every instruction set and for any
  * contents of the other lanes. Pure functions, any thread. */
 #ifndef HEXAD_SAMPLING_PACKING_FAST_KERNEL_H
@@ -37,7 +37,8 @@ typedef struct fast_kernel_particles {
     float size[FAST_KERNEL_LANES];
     /* longest displacement that keeps the lists valid, world units */
     float allowed_step[FAST_KERNEL_LANES];
-    float damping[FAST_KERNEL_LANES]; /* lambda of (11); 0: none */
+    float damping[FAST_KERNEL_LANES];   /* lambda of (11); 0: none */
+    float amplitude[FAST_KERNEL_LANES]; /* alpha of (13); read with has_amplitudes only */
     vec3_lanes position, normal;
 } fast_kernel_particles;
 
@@ -56,13 +57,14 @@ typedef struct fast_kernel_forces {
      * weights are 0 or 1. The caller multiplies it by the rotation of the normal along the axes and adds
      * the product to d1 and d2. */
     float turning[3][FAST_KERNEL_LANES];
-    float pairs[FAST_KERNEL_LANES]; /* number of neighbours within the support, weighted */
+    float pairs[FAST_KERNEL_LANES]; /* number of neighbours within the support, facing weights only */
 } fast_kernel_forces;
 
-/* The normal of a point, padded to the size of neighbours_place. */
-typedef struct fast_kernel_normal {
-    float x, y, z, nothing;
-} fast_kernel_normal;
+/* Factors of a point in the weights of its pairs: its unit normal and its amplitude. The struct has the size
+ * of neighbours_place. */
+typedef struct fast_kernel_factors {
+    float x, y, z, amplitude;
+} fast_kernel_factors;
 
 typedef struct fast_kernel_params {
     double unit;     /* of neighbours_place, world units */
@@ -70,8 +72,9 @@ typedef struct fast_kernel_params {
     double omega;    /* over-relaxation factor */
     double longest;  /* maximum length of a step over size, world units; a longer step fails (!ends_well) */
     double farthest; /* maximum distance from the surface before the Newton step over size, world units */
-    /* of all points, for facing weights (pair_weigh); NULL: all weights are 1 */
-    const fast_kernel_normal *normal;
+    const fast_kernel_factors *factors; /* of all points; not read unless one of the following is set */
+    bool has_facing;                    /* pairs have facing weights (pair_weigh); otherwise these are 1 */
+    bool has_amplitudes;                /* pairs have the mean amplitude of their points; otherwise it is 1 */
 } fast_kernel_params;
 
 /* Positions of the particles during a step: after the step in the tangent plane, then on the surface. */

@@ -14,7 +14,7 @@ typedef int32_t VERSION(ints) __attribute__((vector_size(4 * VERSION_WIDTH)));
     ((VERSION(floats))(((VERSION(ints))(a) & (which)) | ((VERSION(ints))(b) & ~(which))))
 #define VERSION_ALL(number) ((VERSION(floats)){0} + (number))
 
-/* One neighbour of each particle: its position and size, or its normal. */
+/* One neighbour of each particle: its position and size, or its normal and amplitude. */
 typedef struct VERSION(row) {
     VERSION(ints) x, y, z, rest;
 } VERSION(row);
@@ -22,7 +22,7 @@ typedef struct VERSION(row) {
 /* The particles, and values derived from their sizes. */
 typedef struct VERSION(own) {
     VERSION(ints) x, y, z, count;
-    VERSION(floats) size, half, stiffness;
+    VERSION(floats) size, half, stiffness, amplitude;
     VERSION(floats) nx, ny, nz, axis1[3], axis2[3];
 } VERSION(own);
 
@@ -51,6 +51,7 @@ ISA_INLINE void VERSION(set_up)(const fast_kernel_particles *from, int first, fl
     memcpy(&out->z, from->z + first, sizeof out->z);
     memcpy(&out->count, from->count + first, sizeof out->count);
     memcpy(&out->size, from->size + first, sizeof out->size);
+    memcpy(&out->amplitude, from->amplitude + first, sizeof out->amplitude);
     for (int l = 0; l < VERSION_WIDTH; l++) {
         x[l] = (float)from->normal.x[first + l];
         y[l] = (float)from->normal.y[first + l];
@@ -90,12 +91,19 @@ typedef struct VERSION(pair) {
     /* weight: 1; 0 beyond the support or the end of the list; reduced by the facing weight */
     VERSION(floats) counts;
     VERSION(floats) bend_facing; /* derivative of the weight with respect to the cosine */
-    VERSION(row) normal;
+    VERSION(floats) amplitude;   /* mean of the two */
+    VERSION(row) factors;
 } VERSION(pair);
 
-/* Computes the pair of each particle with its neighbour k. With `normal`, a compile-time constant, pairs
- * have facing weights. */
-ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_normal *normal,
+/* Factors of all points, and which of them pairs have. `facing` and `amplitudes` are compile-time
+ * constants. */
+typedef struct VERSION(factors) {
+    const fast_kernel_factors *of;
+    bool facing, amplitudes;
+} VERSION(factors);
+
+/* Computes the pair of each particle with its neighbour k. */
+ISA_INLINE void VERSION(meet)(const neighbours_place *place, VERSION(factors) factors,
                               const uint32_t *const list[], uint32_t k, const VERSION(own) * own, float reach,
                               VERSION(pair) * out)
 {
@@ -115,10 +123,11 @@ ISA_INLINE void VERSION(meet)(const neighbours_place *place, const fast_kernel_n
     out->share2 = share * share;
     out->q = VERSION_LEAST(out->r2, support2) * out->scale2 + CLOSEST;
     out->counts = (VERSION(floats))((VERSION(ints))VERSION_ALL(1) & (out->r2 < support2));
-    if (normal) {
+    if (factors.facing || factors.amplitudes) VERSION(load)(factors.of, list, k, &out->factors);
+    if (factors.amplitudes) out->amplitude = 0.5f * (own->amplitude + (VERSION(floats))out->factors.rest);
+    if (factors.facing) {
         VERSION(floats) t;
-        VERSION(load)(normal, list, k, &out->normal);
-        VERSION(face)(own, &out->normal, &t);
+        VERSION(face)(own, &out->factors, &t);
         out->bend_facing = out->counts * (6 * t * (1 - t) * (float)(1 / PAIR_FACING_RANGE));
         out->counts *= t * t * (3 - 2 * t);
     }
@@ -133,25 +142,27 @@ ISA_INLINE void VERSION(turn)(const VERSION(pair) * p, VERSION(floats) * wcot, V
     *over = VERSION_ROOT(p->q) * *up;
 }
 
-ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, bool weighed, const VERSION(own) * own,
+ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, VERSION(factors) factors, const VERSION(own) * own,
                                   VERSION(sums) * out)
 {
     VERSION(floats) wcot, up, over;
     VERSION(turn)(p, &wcot, &up, &over);
-    const VERSION(floats) weight = p->counts * own->stiffness, ratio = wcot * up, cot2 = ratio * wcot;
+    const VERSION(floats) counts = factors.amplitudes ? p->counts * p->amplitude : p->counts;
+    const VERSION(floats) weight = counts * own->stiffness, ratio = wcot * up, cot2 = ratio * wcot;
     const VERSION(floats) slope = -(cot2 * over) * weight;                               /* phi' / r */
     const VERSION(floats) bend = (ratio * over) * (1 + cot2) * (2 * p->scale2 * weight); /* phi'' / r^2 */
     const VERSION(floats) potential = (wcot + p->q) * over - (float)M_PI_2;
     const VERSION(floats) a1 = p->dx * own->axis1[0] + p->dy * own->axis1[1] + p->dz * own->axis1[2],
                           a2 = p->dx * own->axis2[0] + p->dy * own->axis2[1] + p->dz * own->axis2[2];
     out->pairs += p->counts;
-    out->energy += p->counts * p->share2 * potential;
-    if (weighed) {
-        const VERSION(floats) bounded = VERSION_LEAST(potential, VERSION_ALL(TURNING_MOST)),
-                              pull = p->bend_facing * p->share2 * bounded;
-        out->turning[0] += pull * (VERSION(floats))p->normal.x;
-        out->turning[1] += pull * (VERSION(floats))p->normal.y;
-        out->turning[2] += pull * (VERSION(floats))p->normal.z;
+    out->energy += counts * p->share2 * potential;
+    if (factors.facing) {
+        const VERSION(floats) bounded = VERSION_LEAST(potential, VERSION_ALL(TURNING_MOST));
+        VERSION(floats) pull = p->bend_facing * p->share2 * bounded;
+        if (factors.amplitudes) pull *= p->amplitude;
+        out->turning[0] += pull * (VERSION(floats))p->factors.x;
+        out->turning[1] += pull * (VERSION(floats))p->factors.y;
+        out->turning[2] += pull * (VERSION(floats))p->factors.z;
     }
     out->d1 += slope * a1;
     out->d2 += slope * a2;
@@ -163,11 +174,12 @@ ISA_INLINE void VERSION(add_pair)(const VERSION(pair) * p, bool weighed, const V
     out->nearest2 = VERSION_LEAST(seen, out->nearest2);
 }
 
-ISA_INLINE void VERSION(add_energy)(const VERSION(pair) * p, VERSION(floats) * sum)
+ISA_INLINE void VERSION(add_energy)(const VERSION(pair) * p, VERSION(factors) factors, VERSION(floats) * sum)
 {
     VERSION(floats) wcot, up, over;
     VERSION(turn)(p, &wcot, &up, &over);
-    *sum += p->counts * p->share2 * ((wcot + p->q) * over - (float)M_PI_2);
+    const VERSION(floats) counts = factors.amplitudes ? p->counts * p->amplitude : p->counts;
+    *sum += counts * p->share2 * ((wcot + p->q) * over - (float)M_PI_2);
 }
 
 /* The length of the longest list of the particles from `first` on. */
@@ -180,18 +192,44 @@ static inline uint32_t VERSION(longest)(const fast_kernel_particles *own, int fi
 
 /* Sums all pairs of some particles. The next neighbours are loaded before the current ones are summed, to
  * hide the latency. */
-ISA_INLINE void VERSION(sum_pairs)(const neighbours_place *place, const fast_kernel_normal *normal,
+ISA_INLINE void VERSION(sum_pairs)(const neighbours_place *place, VERSION(factors) factors,
                                    const uint32_t *const list[], uint32_t most, const VERSION(own) * own,
                                    float reach, VERSION(sums) * out)
 {
     VERSION(pair) pair, next;
-    if (most > 0) VERSION(meet)(place, normal, list, 0, own, reach, &next);
+    if (most > 0) VERSION(meet)(place, factors, list, 0, own, reach, &next);
     for (uint32_t k = 1; k <= most; k++) {
         pair = next;
-        VERSION(meet)(place, normal, list, k < most ? k : 0, own, reach, &next);
-        VERSION(add_pair)(&pair, normal != NULL, own, out);
+        VERSION(meet)(place, factors, list, k < most ? k : 0, own, reach, &next);
+        VERSION(add_pair)(&pair, factors, own, out);
     }
 }
+
+/* Sums the energies of all pairs of some particles. */
+ISA_INLINE void VERSION(sum_energies)(const neighbours_place *place, VERSION(factors) factors,
+                                      const uint32_t *const list[], uint32_t most, const VERSION(own) * own,
+                                      float reach, VERSION(floats) * sum)
+{
+    VERSION(pair) pair;
+    for (uint32_t k = 0; k < most; k++) {
+        VERSION(meet)(place, factors, list, k, own, reach, &pair);
+        VERSION(add_energy)(&pair, factors, sum);
+    }
+}
+
+/* Calls a function once for each choice of the factors, which are then constants. */
+#define VERSION_WITH_FACTORS(function, ...)                                                \
+    do {                                                                                   \
+        const fast_kernel_factors *of = params->factors;                                   \
+        if (params->has_facing && params->has_amplitudes)                                  \
+            VERSION(function)(place, (VERSION(factors)){of, true, true}, __VA_ARGS__);     \
+        else if (params->has_facing)                                                       \
+            VERSION(function)(place, (VERSION(factors)){of, true, false}, __VA_ARGS__);    \
+        else if (params->has_amplitudes)                                                   \
+            VERSION(function)(place, (VERSION(factors)){of, false, true}, __VA_ARGS__);    \
+        else                                                                               \
+            VERSION(function)(place, (VERSION(factors)){NULL, false, false}, __VA_ARGS__); \
+    } while (0)
 
 static void VERSION(forces)(const neighbours_place *place, const fast_kernel_particles *particles,
                             const fast_kernel_params *params, fast_kernel_forces *out)
@@ -207,10 +245,7 @@ static void VERSION(forces)(const neighbours_place *place, const fast_kernel_par
         sums.turning[0] = sums.turning[1] = sums.turning[2] = VERSION_ALL(0);
         sums.nearest2 = VERSION_ALL(INFINITY);
         VERSION(set_up)(particles, first, reach, &own);
-        if (params->normal)
-            VERSION(sum_pairs)(place, params->normal, list, most, &own, reach, &sums);
-        else
-            VERSION(sum_pairs)(place, NULL, list, most, &own, reach, &sums);
+        VERSION_WITH_FACTORS(sum_pairs, list, most, &own, reach, &sums);
 #define VERSION_KEEP(to, from) memcpy((to) + first, &(from), sizeof(from))
         VERSION_KEEP(out->energy, sums.energy);
         VERSION_KEEP(out->d1, sums.d1);
@@ -237,17 +272,9 @@ static void VERSION(energy)(const neighbours_place *place, const fast_kernel_par
         const uint32_t *const *list = particles->list + first;
         const uint32_t most = VERSION(longest)(particles, first);
         VERSION(own) own;
-        VERSION(pair) pair;
         VERSION(floats) sum = VERSION_ALL(0);
         VERSION(set_up)(particles, first, reach, &own);
-        for (uint32_t k = 0; !params->normal && k < most; k++) {
-            VERSION(meet)(place, NULL, list, k, &own, reach, &pair);
-            VERSION(add_energy)(&pair, &sum);
-        }
-        for (uint32_t k = 0; params->normal && k < most; k++) {
-            VERSION(meet)(place, params->normal, list, k, &own, reach, &pair);
-            VERSION(add_energy)(&pair, &sum);
-        }
+        VERSION_WITH_FACTORS(sum_energies, list, most, &own, reach, &sum);
         memcpy(out + first, &sum, sizeof sum);
     }
 }
@@ -268,3 +295,4 @@ static const fast_kernel VERSION(version) = {VERSION(forces), VERSION(step), VER
 
 #undef VERSION_CHOOSE
 #undef VERSION_ALL
+#undef VERSION_WITH_FACTORS

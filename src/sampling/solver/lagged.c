@@ -69,8 +69,8 @@ double solver_renew_amplitudes(solver *s)
     return s->setup.params.graded ? renew(s, amplitude_chunk) : 0;
 }
 
-/* Amplitudes are renewed every sweep at first, while steps are long; then each interval is a quarter of the
- * sweeps so far. Between renewals the energy is a function of the positions only and cannot increase. */
+/* Amplitudes are renewed every sweep at first, while steps are long; then the intervals grow with the sweeps
+ * of the level (schedule.renewal_share). Between renewals the energy is a function of the positions only and cannot increase. */
 bool solver_amplitudes_are_due(const solver *s)
 {
     return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;
@@ -106,7 +106,9 @@ bool solver_build_lists(solver *s, error *e)
 {
     if (solver_amplitudes_are_due(s)) {
         solver_renew_amplitudes(s);
-        s->state.next_amplitudes = s->record.sweep_count + 1 + s->record.sweep_count / 4;
+        const double swept = (double)(s->record.sweep_count - s->state.level_began);
+        s->state.next_amplitudes =
+            s->record.sweep_count + 1 + (size_t)(s->state.regime->schedule->renewal_share * swept);
     }
     solver_renew_sizes(s);
     particles_mark_boundary(s->state.p, s->setup.field, s->state.spacing);

@@ -171,6 +171,7 @@ static bool add_new_parts(solver *s, error *e)
     particles *others = s->state.p;
     relax *lists = s->scratch.relax;
     s->state.p = particles_new(count, e);
+    s->state.next_amplitudes = s->record.sweep_count;
     s->scratch.relax = solver_new_relax(s, count, e);
     s->state.lists_stale = true;
     bool ok = s->state.p && s->scratch.relax &&
@@ -214,6 +215,7 @@ bool solver_enter_refined(solver *s, error *e)
 {
     if (!arrange(s, e)) return false;
     s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
+    s->state.next_amplitudes = s->record.sweep_count; /* inserted particles have none yet */
     particles_reset_damping(s->state.p);
     return solver_build_lists(s, e);
 }

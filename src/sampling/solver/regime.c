@@ -44,7 +44,7 @@ const regime *regime_for(const solver_params *params)
 {
     const bool is_continued = params->start == SOLVER_START_GIVEN,
                is_cotangent = !params->energy || params->energy == &energy_cotangent,
-               fast = params->coarse_to_fine && is_cotangent && !params->graded && !params->gradient;
+               fast = params->coarse_to_fine && is_cotangent && !params->gradient;
     if (params->witkin_heckbert) return &witkin_heckbert;
     if (params->blue_noise) return &blue_noise;
     if (is_continued) return fast ? &continued : &continued_paper;

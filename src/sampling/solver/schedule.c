@@ -13,14 +13,14 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                               \
-    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5,   \
-    .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .defects_least = 0.03, \
-    .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2,   \
-    .skin_steps = 6, .divergent_share = 0.9
+#define COMMON                                                                                             \
+    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, \
+    .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .graded_sweeps = 6,  \
+    .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12,                \
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
 /* omega: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
-#define PAPER COMMON, .omega = 2.6, .rest_lambda = 14
+#define PAPER COMMON, .omega = 2.6, .rest_lambda = 14, .renewal_share = 0.25
 
 const schedule schedule_paper = {PAPER, .patience = 400};
 
@@ -32,11 +32,12 @@ const schedule schedule_packed = {PAPER, .patience = 100};
  * level; longer steps belong to particles that do not converge, at edges and thin parts. With twice the
  * sweeps on all levels, edge_cv at 100 000 points is 0.039 instead of 0.041, and the time increases by
  * half. */
-const schedule schedule_multilevel = {COMMON, .patience = 400, .is_paced = true, .omega = 2.2,
-                                      .finest_rest = 3.5};
+const schedule schedule_multilevel = {COMMON,       .patience = 400,    .is_paced = true,
+                                      .omega = 2.2, .finest_rest = 3.5, .renewal_share = 0.5};
 
 /* Points keep their positions as far as the new surface permits: steps are short from the first sweep. */
-const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1};
+const schedule schedule_continued = {COMMON, .patience = 400, .omega = 1.2, .finest_rest = 1,
+                                     .renewal_share = 0.5};
 
 /* Divisors of the patience: in earlier stages, and after the first multiplication of the gain. */
 enum { EARLY_PATIENCE = 4, MORE_PATIENCE = 8 };
@@ -74,9 +75,15 @@ static double plain_sweeps(const schedule *s, const schedule_position *at)
     return fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
 }
 
+/* The factor on the sweeps of a level with many defects. */
+static double extra_sweeps(const schedule *s, const schedule_position *at)
+{
+    return at->has_amplitudes ? s->graded_sweeps : s->defects_sweeps;
+}
+
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
-    return (int)(at->has_many_defects ? s->defects_sweeps * plain_sweeps(s, at) : plain_sweeps(s, at));
+    return (int)(at->has_many_defects ? extra_sweeps(s, at) * plain_sweeps(s, at) : plain_sweeps(s, at));
 }
 
 int schedule_least_sweeps(const schedule *s, const schedule_position *at)
@@ -195,6 +202,6 @@ double schedule_expected_sweeps(const schedule *s, const schedule_position *at, 
 {
     double sweeps = schedule_level_sweeps(s, at);
     if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
-    if (can_have_many_defects(s, at) && !at->has_many_defects) sweeps *= s->defects_sweeps;
+    if (can_have_many_defects(s, at) && !at->has_many_defects) sweeps *= extra_sweeps(s, at);
     return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

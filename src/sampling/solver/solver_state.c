@@ -11,8 +11,8 @@
 
 relax *solver_new_relax(const solver *s, size_t capacity, error *e)
 {
-    const fast_kernel *fast = s->state.equalisations > 0 ? NULL : s->setup.fast;
-    return relax_new(capacity, s->setup.params.energy, fast, s->setup.params.list_limit, s->setup.pool, e);
+    return relax_new(capacity, s->setup.params.energy, s->setup.fast, s->setup.params.list_limit,
+                     s->setup.pool, e);
 }
 
 bool solver_reserve(solver *s, size_t capacity, error *e)

@@ -153,8 +153,7 @@ static inline double *solver_column(const solver *s, int which)
     return s->record.column + (size_t)which * s->state.p->count;
 }
 
-/* A relaxation of `capacity` particles. The fast kernel has no amplitudes, and is not used once cells are
- * equalised. Error: limit_memory. */
+/* A relaxation of `capacity` particles. Error: limit_memory. */
 relax *solver_new_relax(const solver *s, size_t capacity, error *e);
 
 /* Increases the capacity of the particles and of the relaxation; the lists must be rebuilt then. Error:

@@ -116,7 +116,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
     r->cached = (cached_steps){0};
-    relax_copy_normals(r, p);
+    relax_copy_factors(r, p);
     if (params->may_skip && r->skipping && r->fast) {
         job.skipping = r->skipping;
         threads_run(r->pool, p->count, THREADS_GRAIN, skip_chunk, &job);

@@ -66,8 +66,7 @@ typedef struct relax_sums {
 
 /* Scratch memory for `capacity` particles under a potential. `pool` does the work; neither is owned.
  * `list_limit`: maximum size of the lists, bytes. `fast` (or NULL): the kernel for particles without
- * divergent neighbour normals; it requires the cotangent potential and amplitudes of 1. NULL:
- * limit_memory. */
+ * divergent neighbour normals; it requires the cotangent potential. NULL: limit_memory. */
 relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e);
 void relax_free(relax *r);

@@ -44,12 +44,23 @@ typedef struct step_input {
     unsigned boundary_axes; /* normal axes of the domain faces that the particle lies in and never leaves */
 } step_input;
 
+/* Whether the facing weight of a pair depends on the normals, which is rare: weights are constant except
+ * between 120 and 143 degrees. */
+static bool has_varying_weight(const pair_list *g)
+{
+    bool any = false;
+    for (size_t k = 0; k < g->blocks * PAIR_LANES; k++)
+        any |= (g->weight[k] > 0) & (g->weight[k] < g->amplitude[k]);
+    return any;
+}
+
 /* Adds the forces by the turning of the particle's own normal, through the weights. Along axis e of the frame
  * the normal turns by S e, where S is the shape operator. */
 static void add_turning(const step_input *a, pair_forces *f)
 {
     field_sample s;
-    if (!field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s)) return;
+    if (!has_varying_weight(a->near) || !field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s))
+        return;
     double length = vec3_norm(s.gradient);
     vec3 n = vec3_scale(s.gradient, 1 / length);
     vec3 turn1 = vec3_scale(sym3_apply(s.hessian, a->axis1), 1 / length);

@@ -14,12 +14,14 @@ static const double FAST_STEP_CELLS = 30;
 /* Parameters of the fast kernel for a sweep. */
 static fast_kernel_params fast_step_params(const relax *r, const relax_params *params)
 {
-    return (fast_kernel_params){
-        .unit = r->near->unit,
-        .support = params->sigma,
-        .omega = params->omega,
-        .longest = params->fast_step * params->spacing,
-        .farthest = FAST_STEP_DISTANCE * fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size)};
+    return (fast_kernel_params){.unit = r->near->unit,
+                                .support = params->sigma,
+                                .omega = params->omega,
+                                .longest = params->fast_step * params->spacing,
+                                .farthest = FAST_STEP_DISTANCE *
+                                            fmin(params->spacing, FAST_STEP_CELLS * params->field->cell_size),
+                                .factors = r->factors,
+                                .has_amplitudes = r->has_amplitudes};
 }
 
 /* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal,

@@ -40,7 +40,9 @@ static fast_kernel_params kernel_params(const sweep_job *job)
                                 .omega = p->omega,
                                 .longest = INFINITY,
                                 .farthest = RELAX_TRIAL_SHORTCUT * projection_scale(p->field, p->spacing),
-                                .normal = job->r->ignores_normals ? NULL : job->r->normal};
+                                .factors = job->r->factors,
+                                .has_facing = !job->r->ignores_normals,
+                                .has_amplitudes = job->r->has_amplitudes};
 }
 
 /* One Newton step towards the surface for the lanes in `left`. Lanes that are on the surface get ends_well;
@@ -191,7 +193,7 @@ void relax_guarded_steps(const sweep_job *job, const uint32_t *items, size_t div
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) guarded[l] = l < divergent;
     if (divergent < count) relax_fast_steps(job, items, divergent, count, &t.own, &t.forces, guarded, sums);
     memcpy(t.pending, guarded, sizeof t.pending);
-    if (t.params.normal) add_turning(job, &t);
+    if (t.params.has_facing) add_turning(job, &t);
     for (size_t l = 0; l < count; l++) {
         const double lambda = (double)job->p->lambda[items[l]];
         t.lambda[l] = lambda >= RELAX_LAMBDA_CAP ? 0 : lambda;

@@ -85,8 +85,10 @@ struct relax {
     cached_steps cached;
     bool guards_in_lanes;  /* guarded steps are taken in SIMD lanes */
     bool mostly_divergent; /* if so: at least half of the particles have divergent neighbour normals */
-    /* with guards_in_lanes: normals for the kernel, updated by sweeps and relax_copy_normals */
-    fast_kernel_normal *normal;
+    bool has_amplitudes;   /* amplitudes differ from 1, and the fast kernel is used */
+    /* with guards_in_lanes or has_amplitudes: factors for the kernel, set by relax_copy_factors. Sweeps
+     * update the normals if guards_in_lanes is set. */
+    fast_kernel_factors *factors;
     gather *scratch; /* per worker thread */
     size_t scratch_entries;
 };
@@ -125,14 +127,20 @@ static inline void relax_add_energy(const sweep_job *job, size_t i, double energ
     if (job->skipping) job->skipping[i].energy = (float)energy;
 }
 
-/* Copies the normals of all particles for the kernel, if guarded steps in lanes use them. */
-void relax_copy_normals(relax *r, const particles *p);
+static inline fast_kernel_factors relax_factors(const particles *p, size_t i)
+{
+    return (fast_kernel_factors){(float)p->normal[i].x, (float)p->normal[i].y, (float)p->normal[i].z,
+                                 (float)particles_amplitude(p, i)};
+}
 
+/* Copies the normals and amplitudes of all particles for the kernel, if it uses them. */
+void relax_copy_factors(relax *r, const particles *p);
+
+/* Copies the factors of particle i after it has moved. Without guarded steps in lanes the kernel does not use
+ * normals. */
 static inline void relax_copy_normal(relax *r, const particles *p, size_t i)
 {
-    if (!r->guards_in_lanes) return;
-    r->normal[i] =
-        (fast_kernel_normal){(float)p->normal[i].x, (float)p->normal[i].y, (float)p->normal[i].z, 0};
+    if (r->guards_in_lanes) r->factors[i] = relax_factors(p, i);
 }
 
 /* Distance that particle i may move while the lists remain valid. */

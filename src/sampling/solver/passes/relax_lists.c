@@ -48,7 +48,7 @@ void relax_free(relax *r)
     free(r->scratch);
     free(r->flat);
     free(r->flags);
-    free(r->normal);
+    free(r->factors);
     free(r->moved);
     free(r->parts);
     free(r->skipping);
@@ -146,6 +146,14 @@ static void choose_lanes(relax *r, const particles *p)
     r->mostly_divergent = share >= RELAX_MOSTLY_DIVERGENT;
 }
 
+/* Whether an amplitude differs from 1. */
+static bool any_amplitudes(const particles *p)
+{
+    for (size_t i = 0; p->alpha && i < p->count; i++)
+        if (p->alpha[i] != 1) return true;
+    return false;
+}
+
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
     r->near->label = p->patch;
@@ -170,23 +178,25 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     for (size_t i = 0; i < p->count && r->relocated_count > 0; i++)
         if (r->flags[i] & RELAX_RELOCATED) mark_neighbourhood(r, p, i);
     choose_lanes(r, p);
-    if (r->guards_in_lanes && !r->normal)
-        r->normal = mem_array(r->near->capacity, sizeof *r->normal, "neighbour lists", e);
-    return !r->guards_in_lanes || r->normal;
+    r->has_amplitudes = r->fast && any_amplitudes(p);
+    const bool has_factors = r->guards_in_lanes || r->has_amplitudes;
+    if (has_factors && !r->factors)
+        r->factors = mem_array(r->near->capacity, sizeof *r->factors, "neighbour lists", e);
+    return !has_factors || r->factors;
 }
 
-static void copy_normals_chunk(void *context, int worker, size_t begin, size_t end)
+static void copy_factors_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) relax_copy_normal(job->r, job->p, i);
+    for (size_t i = begin; i < end; i++) job->r->factors[i] = relax_factors(job->p, i);
 }
 
-void relax_copy_normals(relax *r, const particles *p)
+void relax_copy_factors(relax *r, const particles *p)
 {
     sweep_job job = {.r = r, .p = (particles *)p};
-    if (r->guards_in_lanes && !r->ignores_normals)
-        threads_run(r->pool, p->count, THREADS_GRAIN, copy_normals_chunk, &job);
+    if (r->has_amplitudes || (r->guards_in_lanes && !r->ignores_normals))
+        threads_run(r->pool, p->count, THREADS_GRAIN, copy_factors_chunk, &job);
 }
 
 void relax_ignore_normals(relax *r)
@@ -280,6 +290,7 @@ void relax_fill_lanes(const relax *r, const particles *p, const uint32_t *items,
         out->size[l] = own.size;
         out->allowed_step[l] = (float)relax_allowed_step(r, p, i);
         out->damping[l] = 0;
+        out->amplitude[l] = (float)particles_amplitude(p, i);
         out->position.x[l] = x->x;
         out->position.y[l] = x->y;
         out->position.z[l] = x->z;

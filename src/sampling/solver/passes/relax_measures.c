@@ -15,11 +15,14 @@ enum { MIN_NEIGHBOURS = 3 };
  * support. */
 enum { MIN_LISTED = 9 };
 
-/* Sets p->energy by the kernel. `normal`: weights by these normals; NULL: all weights are 1. */
-static void sum_energies(const sweep_job *job, const fast_kernel_normal *normal, const uint32_t *items,
-                         size_t count)
+/* Sets p->energy by the kernel. `has_facing`: pairs have facing weights. */
+static void sum_energies(const sweep_job *job, bool has_facing, const uint32_t *items, size_t count)
 {
-    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma, .normal = normal};
+    const fast_kernel_params params = {.unit = job->r->near->unit,
+                                       .support = job->sigma,
+                                       .factors = job->r->factors,
+                                       .has_facing = has_facing,
+                                       .has_amplitudes = job->r->has_amplitudes};
     fast_kernel_particles own;
     float energy[FAST_KERNEL_LANES];
     if (count == 0) return;
@@ -43,16 +46,16 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
         else
             divergent[divergent_count++] = (uint32_t)i;
         if (smooth_count == FAST_KERNEL_LANES) {
-            sum_energies(job, NULL, smooth, smooth_count);
+            sum_energies(job, false, smooth, smooth_count);
             smooth_count = 0;
         }
         if (divergent_count == FAST_KERNEL_LANES) {
-            sum_energies(job, job->r->normal, divergent, divergent_count);
+            sum_energies(job, true, divergent, divergent_count);
             divergent_count = 0;
         }
     }
-    sum_energies(job, NULL, smooth, smooth_count);
-    sum_energies(job, job->r->normal, divergent, divergent_count);
+    sum_energies(job, false, smooth, smooth_count);
+    sum_energies(job, true, divergent, divergent_count);
 }
 
 /* Energy over the ideal energy beyond which a particle nearly coincides with another. */
@@ -64,7 +67,7 @@ static double mean_energy(relax *r, particles *p, double sigma, double most)
     assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     if (!(r->cached.energies && r->cached.sigma == sigma)) {
-        relax_copy_normals(r, p);
+        relax_copy_factors(r, p);
         threads_run(r->pool, p->count, THREADS_GRAIN, energy_chunk, &job);
     }
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
@@ -130,7 +133,10 @@ static relax_steps squared_steps(const steps_job *steps, int worker, const uint3
     relax_steps squares = {0, 0};
     double unit = 1;
     if (r->fast && count > 0) {
-        const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
+        const fast_kernel_params params = {.unit = r->near->unit,
+                                           .support = job->sigma,
+                                           .factors = r->factors,
+                                           .has_amplitudes = r->has_amplitudes};
         fast_kernel_particles own;
         fast_kernel_forces forces;
         relax_fill_lanes(r, p, items, count, &own);
@@ -217,6 +223,7 @@ static relax_steps rms_steps(steps_job *job)
     relax *r = job->sweep.r;
     job->grain = n / THREADS_SUM_PARTS + 1;
     memset(job->whole, true, sizeof job->whole); /* parts may be empty */
+    if (r->has_amplitudes) relax_copy_factors(r, job->sweep.p);
     threads_run(r->pool, n, job->grain, steps_chunk, job);
     r->cached = (cached_steps){job->sweep.sigma, job->spacing, {NAN, NAN}, true, 0};
     for (int k = 0; k < THREADS_SUM_PARTS; k++) {

@@ -492,22 +492,14 @@ static void scale_amplitudes(const repair *m)
     }
 }
 
-/* At the first equalisation: adds amplitudes and recreates the relaxation, which then includes them. */
-static bool begin_equalisation(solver *s, error *e)
-{
-    if (s->state.equalisations++ > 0) return true;
-    relax_free(s->scratch.relax);
-    s->scratch.relax = solver_new_relax(s, s->scratch.capacity, e);
-    return s->scratch.relax && particles_add_amplitudes(s->state.p, e);
-}
-
 bool solver_equalise_cells(solver *s, bool *changed, error *e)
 {
     repair m = {.s = s};
     if (s->state.repairs == 0 || s->state.equalisations == MAX_EQUALISATIONS) return true;
     bool ok = begin(&m, s, e) && build_lists(&m, e);
     if (ok && (measure_cells(&m) > TARGET_DEVIATION || s->state.equalisations == 0)) {
-        ok = *changed = begin_equalisation(s, e);
+        s->state.equalisations++;
+        ok = *changed = particles_add_amplitudes(s->state.p, e);
         if (ok) scale_amplitudes(&m);
     }
     end(&m);
