@@ -87,7 +87,7 @@ def measure(surface, options):
         share = max(map(share_of, reports), default=0)
         if all(map(is_resolved, reports)):
             break
-    there = [run(options.reference, spec_of(surface, count, seed + 1, init)) for seed in range(options.reference_seeds)] if options.reference else []
+    there = [run(options.reference, spec_of(surface, count, seed + 1, options.init)) for seed in range(options.reference_seeds)] if options.reference else []
     return count, share, runs, there
 
 

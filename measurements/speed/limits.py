@@ -6,8 +6,9 @@
                            [--runs N] [--only WORD ...]
 
 FOLDER has the folder meshes; without it, or HEXAD_SHARED, meshes are left out. Each job has one thread and no preview. hex_fraction and
-edge_cv are those of the report, with the default seed. spacing_ratio is the largest requested spacing over the least, of jobs graded
-10:1 by curvature. cpu_s is of the whole process, the least of the runs.
+edge_cv are those of the report, with the default seed. Of jobs graded 10:1 by curvature, requested_ratio is the largest requested
+spacing over the least, and achieved_ratio the largest spacing_local of points.ply over the least. cpu_s is of the whole process, the
+least of the runs.
 """
 import argparse
 import json
@@ -22,6 +23,7 @@ import tempfile
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 
 import results  # noqa: E402
+from measure import read_ply  # noqa: E402
 
 RESULTS = (0, 10, 11)  # exit codes with points
 COUNTS = (10 ** 3, 10 ** 4, 10 ** 5)
@@ -29,7 +31,7 @@ FIRST_JOB = 3000  # points of README's first job
 SMOOTH = {"sphere": {"shape": "sphere", "radius": 1}, "torus": {"shape": "torus", "major_radius": 1, "minor_radius": 0.4},
           "rounded box": {"shape": "box", "half_size": [1, 0.75, 0.5], "rounding": 0.25}, "quartic": {"shape": "quartic", "r": 0.13}}
 MESHES = {"detail": ("bunny_pmp.off", "armadillo.obj", "dragon_100k.obj"), "creases": ("fandisk.off", "42400-IDGH.stl")}
-HEADER = ["row", "kind", "points", "outcome", "hex_fraction", "edge_cv", "spacing_ratio", "cpu_s", "cpu_us_per_point"]
+HEADER = ["row", "kind", "points", "outcome", "hex_fraction", "edge_cv", "requested_ratio", "achieved_ratio", "cpu_s", "cpu_us_per_point"]
 GRADED = {"shape": "ellipsoid", "radii": [1, 0.6, 0.325]}, {"curvature": {"ratio": 10, "exponent": 1}}
 
 
@@ -49,7 +51,7 @@ def jobs(worker, folder, data, counts):
 
 
 def run(worker, surface, sampling, folder):
-    """The report of a job, and its CPU seconds."""
+    """The report of a job, its achieved spacings, and its CPU seconds."""
     spec, out = folder / "spec.json", folder / "out"
     spec.write_text(json.dumps({"version": 1, "surface": surface, "sampling": sampling, "solver": {"threads": 1},
                                 "output": {"preview": False}}))
@@ -60,7 +62,8 @@ def run(worker, surface, sampling, folder):
     if done.returncode not in RESULTS:
         raise SystemExit(done.stderr)
     report = json.loads((out / "report.json").read_text())
-    return report, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    local = read_ply(out / "points.ply").columns["spacing_local"]
+    return report, local, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def measure(options, folder):
@@ -68,11 +71,12 @@ def measure(options, folder):
         if options.only and not any(word in row for word in options.only):
             continue
         found = [run(options.worker, surface, sampling, folder) for _ in range(options.runs)]
-        report, cpu = found[0][0], min(f[1] for f in found)
+        report, local, cpu = found[0][0], found[0][1], min(f[2] for f in found)
         grading = report.get("grading")
-        ratio = round(grading["largest_spacing"] / grading["least_spacing"], 2) if grading else None
+        requested = round(grading["largest_spacing"] / grading["least_spacing"], 2) if grading else None
+        achieved = round(local.max() / local.min(), 2) if grading else None
         line = [row, kind, sampling["count"], report["outcome"].replace("_", " "), round(report["quality"]["hex_fraction"], 4),
-                round(report["quality"]["edge_cv"], 4), ratio, round(cpu, 3), round(1e6 * cpu / sampling["count"], 2)]
+                round(report["quality"]["edge_cv"], 4), requested, achieved, round(cpu, 3), round(1e6 * cpu / sampling["count"], 2)]
         print(*line, flush=True)
         yield line
 
