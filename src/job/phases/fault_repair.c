@@ -428,8 +428,19 @@ static bool prepare(repair *m, const triangulation *made, size_t *centers, error
     return true;
 }
 
-bool fault_repair_along(const triangulation_input *in, const mesh *on, threads *pool, triangulation *made,
-                        error *e)
+/* Replaces *made if the other triangulation has fewer faults, and frees the worse one. */
+static void keep_better(triangulation *made, triangulation *other)
+{
+    if (mesh_faults_count(&other->facts) < mesh_faults_count(&made->facts)) {
+        const triangulation worse = *made;
+        *made = *other;
+        *other = worse;
+    }
+    triangulation_free(other);
+}
+
+static bool repair_locally(const triangulation_input *in, const mesh *on, threads *pool, triangulation *made,
+                           error *e)
 {
     repair m = {.in = in, .on = on};
     size_t centers;
@@ -438,12 +449,10 @@ bool fault_repair_along(const triangulation_input *in, const mesh *on, threads *
         ok = threads_stopped(pool) ? error_set(e, ERROR_CANCELLED, "stopped")
                                    : repair_pass(&m, &goes_on, e) && choose_centers(&m, &centers, e);
     ok = ok && triangulation_survey(in, pool, &m.made, e);
-    if (ok && mesh_faults_count(&m.made.facts) < mesh_faults_count(&made->facts)) {
-        const triangulation worse = *made;
-        *made = m.made;
-        m.made = worse;
-    }
-    triangulation_free(&m.made);
+    if (ok)
+        keep_better(made, &m.made);
+    else
+        triangulation_free(&m.made);
     free(m.faulty);
     free(m.faulty_after);
     free(m.center);
@@ -453,4 +462,34 @@ bool fault_repair_along(const triangulation_input *in, const mesh *on, threads *
     free(m.candidate);
     free(m.group);
     return ok;
+}
+
+/* Triangulates all points along the mesh. */
+static bool triangulate_whole(const triangulation_input *in, const mesh *on, threads *pool,
+                              triangulation *made, error *e)
+{
+    const surface_mesh_input all = {.m = on,
+                                    .count = in->count,
+                                    .position = in->position,
+                                    .spacing = in->spacing,
+                                    .name = in->point,
+                                    .names = in->points,
+                                    .side = in->side,
+                                    .side_count = in->side_count};
+    triangulation other = {0};
+    const bool ok = surface_mesh_make(&all, &other.corner, &other.facts.triangles, e) &&
+                    triangulation_survey(in, pool, &other, e);
+    if (ok)
+        keep_better(made, &other);
+    else
+        triangulation_free(&other);
+    return ok;
+}
+
+bool fault_repair_along(const triangulation_input *in, const mesh *on, threads *pool, triangulation *made,
+                        error *e)
+{
+    if (!repair_locally(in, on, pool, made, e)) return false;
+    const bool is_done = mesh_faults_count(&made->facts) == 0 || in->count > most_points;
+    return is_done || triangulate_whole(in, on, pool, made, e);
 }
