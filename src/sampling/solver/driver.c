@@ -366,8 +366,12 @@ static bool adapt(solver *s, bool is_on_target, double energy, error *e)
         s->state.had_extra_sweeps = is_last_stage(s) && s->state.p->patch;
         if (s->state.had_extra_sweeps) s->state.has_many_defects = false;
         if (is_last_stage(s)) s->state.last_energy = energy;
-        enter_stage(s, is_last_stage(s) ? s->state.stage : s->state.stage + 1);
+        const bool is_repeated = is_last_stage(s);
+        enter_stage(s, is_repeated ? s->state.stage : s->state.stage + 1);
         begin_fresh_round(s, "support_adapted");
+        const schedule_position at = position(s);
+        if (is_repeated && s->state.p->patch)
+            s->state.sweeps_in_round = schedule_repeated_from(s->state.regime->schedule, &at);
     }
     return solver_apply_support(s, changed, e);
 }
