@@ -121,12 +121,15 @@ static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
     for (int side = -1; side <= 1; side += 2) {
         vec3 axis = vec3_scale(normal, side);
         if (is_clear(f, x, axis, side < 0, reach, hint)) continue;
-        least = fmin(least, spacing_at(f, x, normal, axis, side < 0, reach, hint));
+        least = fmin(least,
+                     spacing_at(f, x, normal, axis, side < 0, fmin(reach, RESOLUTION_REACH * least), hint));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;
             vec3 across = vec3_add(vec3_scale(u, cos(angle)), vec3_scale(v, sin(angle)));
             vec3 along = vec3_add(vec3_scale(axis, cos(TILT)), vec3_scale(across, sin(TILT)));
-            least = fmin(least, spacing_at(f, x, normal, along, side < 0, reach, hint));
+            /* a wall beyond this distance is separated by a larger spacing */
+            const double farthest = fmin(reach, RESOLUTION_REACH * least);
+            least = fmin(least, spacing_at(f, x, normal, along, side < 0, farthest, hint));
         }
     }
     return least;

@@ -31,7 +31,8 @@ static schedule_position position(const solver *s)
                                s->state.p->count,
                                s->state.has_many_defects,
                                relax_has_divergent_normals(s->scratch.relax),
-                               relax_has_mostly_divergent_normals(s->scratch.relax)};
+                               relax_has_mostly_divergent_normals(s->scratch.relax),
+                               s->state.p->patch != NULL};
 }
 
 /* ---- rounds */
@@ -173,7 +174,8 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
         const schedule_position then = {.level = level,
                                         .levels = s->state.plan.count,
                                         .stage = SCHEDULE_STAGES - 1,
-                                        .count = s->state.plan.particles[level]};
+                                        .count = s->state.plan.particles[level],
+                                        .has_patches = at.has_patches};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
