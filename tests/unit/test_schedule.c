@@ -76,6 +76,33 @@ static void levels_with_many_defects_take_more_sweeps(void **state)
     assert_true(schedule_level_sweeps(s, &at) > sweeps);
 }
 
+/* Extra sweeps are limited, so that a level with many sweeps takes few more. */
+static void extra_sweeps_are_limited(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    for (size_t count = (size_t)s->defects_count; count < 1000000; count = count * 5 / 4) {
+        schedule_position at = finest(0, count);
+        const int sweeps = schedule_level_sweeps(s, &at);
+        at.has_many_defects = true;
+        const int extra = schedule_level_sweeps(s, &at) - sweeps;
+        assert_true(extra > 0 && extra <= s->defects_sweeps_most &&
+                    extra <= (s->defects_sweeps - 1) * (sweeps + 1));
+    }
+}
+
+/* A repeated last stage is shaken for a part of the least sweeps of its level. */
+static void repeated_stages_take_fewer_sweeps(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 2000);
+    at.sweeps = schedule_repeated_from(s, &at);
+    assert_true(at.sweeps > 0 && at.sweeps < schedule_least_sweeps(s, &at));
+    assert_true(schedule_is_shaken(s, &at));
+    assert_int_equal(schedule_repeated_from(&schedule_paper, &at), 0);
+}
+
 /* A small level has many sweeps anyway. */
 static void small_levels_take_no_extra_sweeps(void **state)
 {
@@ -255,6 +282,8 @@ int main(void)
         cmocka_unit_test(over_relaxation_follows_the_sweeps),
         cmocka_unit_test(the_gain_falls_from_stage_to_stage),
         cmocka_unit_test(levels_with_many_defects_take_more_sweeps),
+        cmocka_unit_test(extra_sweeps_are_limited),
+        cmocka_unit_test(repeated_stages_take_fewer_sweeps),
         cmocka_unit_test(small_levels_take_no_extra_sweeps),
         cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
         cmocka_unit_test(steps_are_unlimited_until_a_level_is_shaken),

@@ -20,11 +20,10 @@ static const double SHORTEST_S = 1e-3;
 
 /* Fitted to schedule_multilevel: after a change of its sweeps, fit this and PER_POINT again
  * (measurements/inputs/estimates.py).
- * Time of a level of at least schedule.defects_count points, over the time of its minimum number of sweeps.
- * Most such levels take 3 times as many sweeps, but these have fewer guarded steps than those of coarser
- * levels, and converged points are skipped. Median over the meshes of measurements/inputs/estimated_time.csv. Larger:
- * longer estimates from 5 000 points. */
-static const double LONGER = 1.5;
+ * Time of a sweep of a level with extra sweeps for its defects, over that of another sweep: later sweeps have fewer
+ * guarded steps. Such a level takes at least the time of its minimum number of sweeps. Larger: longer estimates from
+ * 5 000 points. */
+static const double EXTRA_SHARE = 0.5;
 /* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000
  * points, meshes take 1.7 times as long as with 10 000 (median of measurements/meshes/counts.csv). Larger: longer
  * estimates from 50 000 points. */
@@ -71,8 +70,10 @@ double cost_model_work(size_t count, bool by_levels)
     const schedule *s = &schedule_multilevel;
     double work = by_levels ? PER_POINT * (double)count : (double)count;
     for (size_t n = count; by_levels && n >= LEVEL_LEAST; n /= 4) {
-        const schedule_position at = {.levels = 1, .stage = SCHEDULE_STAGES - 1, .count = n};
-        work += (double)n * schedule_level_sweeps(s, &at) * ((double)n < s->defects_count ? 1 : LONGER);
+        schedule_position at = {.levels = 1, .stage = SCHEDULE_STAGES - 1, .count = n};
+        const double sweeps = schedule_level_sweeps(s, &at);
+        at.has_many_defects = (double)n >= s->defects_count;
+        work += (double)n * fmax(sweeps, EXTRA_SHARE * schedule_level_sweeps(s, &at));
     }
     return work;
 }

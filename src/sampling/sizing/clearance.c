@@ -26,6 +26,9 @@ static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_G
 /* On triangles |F| is the distance: a step has this fraction of it, and the ray ends if |F| exceeds its
  * remaining length. */
 static const double CLEAR = 0.9;
+/* Radius of a ball that touches the surface at the begin of the rays, over their length. A ball of at least
+ * 0.6 contains all rays; EMPTY_SHARE of the radius is empty if there is no other wall. */
+static const double EMPTY_RADIUS = 0.65, EMPTY_SHARE = 0.95;
 /* Newton steps to the surface, and their tolerance in cell sizes. */
 static const int PROJECT_STEPS = 10;
 static const double PROJECT_TOLERANCE = 1e-2;
@@ -95,6 +98,17 @@ static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool i
     return fmax(needed, least_resolved(f));
 }
 
+/* Whether no ray from x to the side `axis`, a unit vector, meets a wall within `reach`: the ball of the rays is
+ * empty. Only on triangles, where |F| is the distance. */
+static bool is_clear(const field *f, vec3 x, vec3 axis, bool inside, double reach, uint32_t hint)
+{
+    const double radius = EMPTY_RADIUS * reach;
+    field_sample s;
+    return f->ops->sample_patch_lanes &&
+           field_sample_near(f, vec3_axpy(radius, axis, x), FIELD_GRADIENT, &hint, &s) &&
+           (s.value < 0) == inside && fabs(s.value) >= EMPTY_SHARE * radius;
+}
+
 /* The minimum over all rays from x. */
 static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
 {
@@ -106,12 +120,16 @@ static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
     field_sample_near(f, x, FIELD_GRADIENT, &hint, &at_x);
     for (int side = -1; side <= 1; side += 2) {
         vec3 axis = vec3_scale(normal, side);
-        least = fmin(least, spacing_at(f, x, normal, axis, side < 0, reach, hint));
+        if (is_clear(f, x, axis, side < 0, reach, hint)) continue;
+        least = fmin(least,
+                     spacing_at(f, x, normal, axis, side < 0, fmin(reach, RESOLUTION_REACH * least), hint));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;
             vec3 across = vec3_add(vec3_scale(u, cos(angle)), vec3_scale(v, sin(angle)));
             vec3 along = vec3_add(vec3_scale(axis, cos(TILT)), vec3_scale(across, sin(TILT)));
-            least = fmin(least, spacing_at(f, x, normal, along, side < 0, reach, hint));
+            /* a wall beyond this distance is separated by a larger spacing */
+            const double farthest = fmin(reach, RESOLUTION_REACH * least);
+            least = fmin(least, spacing_at(f, x, normal, along, side < 0, farthest, hint));
         }
     }
     return least;

@@ -32,7 +32,8 @@ static schedule_position position(const solver *s)
                                s->state.has_many_defects,
                                s->setup.params.graded,
                                relax_has_divergent_normals(s->scratch.relax),
-                               relax_has_mostly_divergent_normals(s->scratch.relax)};
+                               relax_has_mostly_divergent_normals(s->scratch.relax),
+                               s->state.p->patch != NULL};
 }
 
 /* ---- rounds */
@@ -175,7 +176,8 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
                                         .levels = s->state.plan.count,
                                         .stage = SCHEDULE_STAGES - 1,
                                         .count = s->state.plan.particles[level],
-                                        .has_amplitudes = s->setup.params.graded};
+                                        .has_amplitudes = s->setup.params.graded,
+                                        .has_patches = at.has_patches};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));
@@ -368,8 +370,12 @@ static bool adapt(solver *s, bool is_on_target, double energy, error *e)
         s->state.had_extra_sweeps = is_last_stage(s) && s->state.p->patch;
         if (s->state.had_extra_sweeps) s->state.has_many_defects = false;
         if (is_last_stage(s)) s->state.last_energy = energy;
-        enter_stage(s, is_last_stage(s) ? s->state.stage : s->state.stage + 1);
+        const bool is_repeated = is_last_stage(s);
+        enter_stage(s, is_repeated ? s->state.stage : s->state.stage + 1);
         begin_fresh_round(s, "support_adapted");
+        const schedule_position at = position(s);
+        if (is_repeated && s->state.p->patch)
+            s->state.sweeps_in_round = schedule_repeated_from(s->state.regime->schedule, &at);
     }
     return solver_apply_support(s, changed, e);
 }

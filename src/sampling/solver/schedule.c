@@ -13,11 +13,12 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                             \
-    .gain = 1e-8, .omega_shake = 2.6, .longest_step = 0.05, .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, \
-    .sweeps_least = 3, .sweeps_most = 120, .defects_count = 5e3, .defects_sweeps = 3, .graded_sweeps = 6,  \
-    .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12,                \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
+#define COMMON                                                                                          \
+    .gain = 1e-8, .repeated_share = 0.25, .omega_shake = 2.6, .longest_step = 0.05,                     \
+    .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,               \
+    .sweeps_most_on_patches = 90, .defects_count = 5e3, .defects_sweeps = 3, .defects_sweeps_most = 50, \
+    .graded_sweeps = 6, .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01,             \
+    .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
 /* omega: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14, .renewal_share = 0.25
@@ -72,7 +73,7 @@ static double plain_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
     const double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
-    return fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    return fmin(fmax(sweeps, s->sweeps_least), at->has_patches ? s->sweeps_most_on_patches : s->sweeps_most);
 }
 
 /* The factor on the sweeps of a level with many defects. */
@@ -83,7 +84,14 @@ static double extra_sweeps(const schedule *s, const schedule_position *at)
 
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
-    return (int)(at->has_many_defects ? extra_sweeps(s, at) * plain_sweeps(s, at) : plain_sweeps(s, at));
+    const double sweeps = plain_sweeps(s, at), more = extra_sweeps(s, at) * sweeps;
+    if (!at->has_many_defects) return (int)sweeps;
+    return (int)(at->has_amplitudes ? more : fmin(more, sweeps + s->defects_sweeps_most));
+}
+
+int schedule_repeated_from(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced ? (int)((1 - s->repeated_share) * schedule_level_sweeps(s, at)) : 0;
 }
 
 int schedule_least_sweeps(const schedule *s, const schedule_position *at)
@@ -200,8 +208,9 @@ static double expected_by_criterion(const schedule *s, const schedule_position *
 double schedule_expected_sweeps(const schedule *s, const schedule_position *at, double spent,
                                 const schedule_evidence *seen)
 {
-    double sweeps = schedule_level_sweeps(s, at);
+    schedule_position with_defects = *at;
+    with_defects.has_many_defects |= can_have_many_defects(s, at);
+    const double sweeps = schedule_level_sweeps(s, &with_defects);
     if (s->rest_lambda > 0 && seen) return fmax(expected_by_criterion(s, at, spent, seen), 1);
-    if (can_have_many_defects(s, at) && !at->has_many_defects) sweeps *= extra_sweeps(s, at);
     return at->level == 0 ? sweeps + EARLY_SWEEPS : sweeps;
 }

@@ -43,15 +43,22 @@ typedef struct schedule {
     double longest_step;
 
     /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, rounded down and clamped to
-     * sweeps_least .. sweeps_most. The paper's criterion and schedule_continued do not use them. A larger
+     * sweeps_least .. sweeps_most, on surfaces with patches to sweeps_least .. sweeps_most_on_patches (with 120, hex_fraction
+     * of meshes at 2 000 points is 0.004 higher, and the time a tenth longer). The paper's criterion and schedule_continued do not use them. A larger
      * sweeps_fall gives more sweeps, since levels beyond one_sweep_count have sweeps_least. */
-    double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
+    double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most, sweeps_most_on_patches;
     /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least
      * defects_count particles is compared with defects_least and defects_most. Between them the level takes
-     * defects_sweeps times as many sweeps, once. Above defects_most the surface is not resolved, and more
-     * sweeps do not help. With amplitudes it takes graded_sweeps times as many: with 3, hex_fraction of
-     * meshes at 30 000 points is 0.005 lower. */
-    double defects_count, defects_sweeps, graded_sweeps, defects_least, defects_most;
+     * defects_sweeps times as many sweeps, once, but at most defects_sweeps_most more: further sweeps hardly
+     * change the result. Above defects_most the surface is not resolved, and more sweeps do not help. With
+     * amplitudes it takes graded_sweeps times as many, without a limit: with 3, hex_fraction of meshes at 30 000
+     * points is 0.005 lower. */
+    double defects_count, defects_sweeps, defects_sweeps_most, graded_sweeps, defects_least, defects_most;
+
+    /* If the last stage of a level is repeated after a change of the support, the round begins at the position of
+     * the level's least sweeps after which this fraction of them is left. The particles are packed already: with
+     * 1, hex_fraction of meshes at 2 000 points is at most 0.001 higher. */
+    double repeated_share;
 
     /* Convergence.
      * - rest_lambda > 0: the coarsest level ends by the paper's criterion, a mean log10 lambda above this
@@ -99,6 +106,7 @@ typedef struct schedule_position {
     bool has_amplitudes;      /* of curvature: solver_params.graded */
     bool is_divergent;        /* relax_has_divergent_normals */
     bool is_mostly_divergent; /* relax_has_mostly_divergent_normals */
+    bool has_patches;         /* the surface consists of patches */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)
@@ -119,6 +127,9 @@ double schedule_coarsest_gain(const schedule *s);
 
 /* Least sweeps of the level. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);
+
+/* The position in the round at which a repeated last stage begins, see schedule.repeated_share. */
+int schedule_repeated_from(const schedule *s, const schedule_position *at);
 
 /* Least sweeps of the round: those of the level in its last stage, if the schedule is paced; otherwise 0. */
 int schedule_least_sweeps(const schedule *s, const schedule_position *at);

@@ -73,13 +73,14 @@ static bool has_strata(const solver_params *params)
 }
 
 /* A random point for particle i, the k-th of `count` free particles of its patch. False: the draw failed. */
-static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, int draw, rng *r, vec3 *x)
+static bool draw_on_patch(const draw_job *job, size_t i, size_t k, size_t count, int draw, rng *r, vec3 *x,
+                          uint32_t *hint)
 {
     bool stratum = draw == 0 && has_strata(job->params);
     double where = rng_uniform(r);
     if (stratum) where = ((double)k + where) / (double)count;
     const double *weight = sizing_field_weight(job->params->sizing, job->scan);
-    return surface_patch_point(job->scan, weight, job->p->patch[i], where, r, x);
+    return surface_patch_point(job->scan, weight, job->p->patch[i], where, r, x, hint);
 }
 
 /* Whether x is too near to a curve of its patch: the particle would move among the samples of the curve. */
@@ -99,13 +100,15 @@ static bool draw_patch_particle(draw_job *job, size_t i, rng *r)
     const projection_limits limits = projection_draft(job->spacing);
     for (int draw = 0; draw <= START_MAX_DRAWS && !threads_stopped(job->pool); draw++) {
         vec3 x;
+        uint32_t hint;
         size_t count = job->plan->quotas[job->level].free[patch];
-        if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x)) continue;
-        bool projected = projection_find(f, &limits, &x, &p->normal[i]) && bbox_contains(job->near, x) &&
-                         field_is_within(f, x);
+        if (!draw_on_patch(job, i, i - job->patch_first[patch], count, draw, r, &x, &hint)) continue;
+        bool projected = projection_find_near(f, &limits, &hint, &x, &p->normal[i]) &&
+                         bbox_contains(job->near, x) && field_is_within_near(f, x, &hint);
         if (projected &&
             (job->params->blue_noise || draw >= START_CLEAR_DRAWS || !is_too_near_curve(job, patch, x))) {
             p->position[i] = x;
+            p->hint[i] = hint;
             return true;
         }
         atomic_fetch_add(&job->drawn_again, !projected);
@@ -253,7 +256,8 @@ static bool sample_patches(const draw_job *job, vec3 **place, uint32_t **patch, 
         for (size_t n = 0; n < wanted; n++) {
             const double where = ((double)n + rng_uniform(&r)) / (double)wanted;
             (*patch)[*count] = k;
-            *count += surface_patch_point(job->scan, weight, k, where, &r, &(*place)[*count]);
+            *count += surface_patch_point(job->scan, weight, k, where, &r, &(*place)[*count],
+                                          &(uint32_t){FIELD_NO_HINT});
         }
     }
     return *patch && (*count > 0 || error_set(e, ERROR_NO_SURFACE, "no patch of the surface has an area"));

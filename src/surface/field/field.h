@@ -109,6 +109,10 @@ typedef struct field_ops {
      * from the signs of F at its corners. */
     int (*cell_triangles)(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3]);
 
+    /* The hint for `sample_near` of the patch on which cell k lies, at places of the cell. NULL: there is
+     * none. */
+    uint32_t (*cell_hint)(const field *f, size_t k);
+
     /* For the field of a patch that ends in curves: whether the place of its zero set closest to x lies
      * between the curves, not in the continuation beyond them. NULL: always. The hint is one that
      * `sample_near` or `sample_patch_lanes` returned for this place, or FIELD_NO_HINT. */

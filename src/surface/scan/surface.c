@@ -703,8 +703,9 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r,
 }
 
 bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
-                         vec3 *out)
+                         vec3 *out, uint32_t *hint)
 {
+    *hint = FIELD_NO_HINT;
     if (!s->field->patches) {
         *out = surface_point(s, before, where * before[s->cells], r, NULL);
         return true;
@@ -717,6 +718,7 @@ bool surface_patch_point(const surface *s, const double *before, uint32_t patch,
     own.known = false;
     vec3 x = point_of_cell(s, k, (at - before[k]) / (before[k + 1] - before[k]), r, &own);
     if (surface_cell_patch(s, k, x) != patch) return false;
+    if (s->field->ops->cell_hint) *hint = s->field->ops->cell_hint(s->field, number_of(s, k));
     *out = x;
     return true;
 }

@@ -74,9 +74,9 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r,
 
 /* Draws a point of one patch, `where` in [0, 1); without patches, of the whole surface. False if the patch
  * has no share, or if the point lies on another patch of its cell; then *out is unchanged, but `r` may
- * have advanced. */
+ * have advanced. *hint: a hint for the field of the patch at the point, or FIELD_NO_HINT. */
 bool surface_patch_point(const surface *s, const double *before, uint32_t patch, double where, rng *r,
-                         vec3 *out);
+                         vec3 *out, uint32_t *hint);
 
 /* Moves *x onto the surface by Newton's method along the axes that are not in `fixed` (bit k: axis k).
  * Ignores the domain. False if the method does not converge within `reach`; the outputs are unchanged. */

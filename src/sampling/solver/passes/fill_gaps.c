@@ -104,7 +104,9 @@ static bool relocate(solver *s, const candidates *d, size_t *moves, error *e)
         vec3 x = d->place[place], normal = {0, 0, 1};
         const double near = MAX_TARGET_DISTANCE * s->state.spacing * particles_size(p, d->near[place]),
                      cell = s->setup.field->cell_size;
-        if (!solver_project_point(f, s->state.spacing, d->patch || cell < near ? cell : near, &x, &normal)) {
+        uint32_t hint = FIELD_NO_HINT;
+        if (!solver_project_point(f, s->state.spacing, d->patch || cell < near ? cell : near, &hint, &x,
+                                  &normal)) {
             d->place[place] = p->position[point]; /* covered: discards the candidate */
             continue;
         }
@@ -117,7 +119,7 @@ static bool relocate(solver *s, const candidates *d, size_t *moves, error *e)
         if (d->patch) {
             d->of_patch[p->patch[point]]--;
             p->patch[point] = d->patch[place];
-            p->hint[point] = FIELD_NO_HINT;
+            p->hint[point] = hint;
             d->of_patch[p->patch[point]]++;
         }
         ++*moves;
@@ -217,11 +219,12 @@ static void patch_chunk(void *context, int worker, size_t begin, size_t end)
         for (size_t k = 0; k < count; k++) {
             const double where = ((double)k + rng_uniform(&r)) / (double)count;
             vec3 *x = &job->d->place[first + k], normal = {0, 0, 1};
+            uint32_t hint;
             job->d->patch[first + k] = (uint32_t)patch;
             job->projected[first + k] =
-                surface_patch_point(s->setup.scan, weight, (uint32_t)patch, where, &r, x) &&
-                solver_project_point(f, s->state.spacing, s->setup.field->cell_size, x, &normal) &&
-                field_is_within(f, *x);
+                surface_patch_point(s->setup.scan, weight, (uint32_t)patch, where, &r, x, &hint) &&
+                solver_project_point(f, s->state.spacing, s->setup.field->cell_size, &hint, x, &normal) &&
+                field_is_within_near(f, *x, &hint);
         }
     }
 }

@@ -48,8 +48,8 @@ bool solver_spread_points(solver *s, bool *changed, error *e);
 projection_limits solver_rounding(double h);
 
 /* Moves *x onto the zero set of f to rounding, no farther than `farthest`; `h` scales the tolerance. False,
- * outputs untouched, if that fails. */
-bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal);
+ * outputs untouched, if that fails. *hint: see `sample_near` in field_ops. */
+bool solver_project_point(const field *f, double h, double farthest, uint32_t *hint, vec3 *x, vec3 *normal);
 
 /* Moves the nearest particle to each place and fixes it there, see solver_pin. *pinned: the number of fixed
  * particles (pin.c). Errors: limit_memory, cancelled. */

@@ -35,7 +35,9 @@ static bool is_nearer(const solver *s, size_t i, vec3 place, pin *best)
     pin own = {i, vec3_norm(vec3_sub(p->position[i], place)), place, p->normal[i]};
     if (particles_is_fixed(p, i) || own.distance >= fmin(best->distance, MAX_DISTANCE * h)) return false;
     const field *f = particles_field(p, s->setup.field, i);
-    if (!solver_project_point(f, h, PATCH_DISTANCE * h, &own.at, &own.normal) || !field_is_within(f, own.at))
+    uint32_t hint = FIELD_NO_HINT;
+    if (!solver_project_point(f, h, PATCH_DISTANCE * h, &hint, &own.at, &own.normal) ||
+        !field_is_within_near(f, own.at, &hint))
         return false;
     if (!particles_is_one_sided(p, i) && vec3_dot(own.normal, p->normal[i]) < 0)
         own.distance *= OPPOSITE_FACTOR;

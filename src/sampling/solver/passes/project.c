@@ -36,11 +36,11 @@ projection_limits solver_rounding(double h)
     return (projection_limits){MAX_STEPS, 1e-9 * h, 1e-7 * h, MAX_RESIDUAL * h};
 }
 
-bool solver_project_point(const field *f, double h, double farthest, vec3 *x, vec3 *normal)
+bool solver_project_point(const field *f, double h, double farthest, uint32_t *hint, vec3 *x, vec3 *normal)
 {
     const projection_limits limits = solver_rounding(h);
     vec3 q = *x, n = *normal;
-    if (projection_find(f, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find_near(f, &limits, hint, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
@@ -170,8 +170,9 @@ static bool replace(solver *s, const moving_cell_list *all, uint32_t i, double l
     vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
     for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
         vec3 q, n = {0, 0, 1};
-        if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q) ||
-            !solver_project_point(f, s->state.spacing, s->setup.field->cell_size, &q, &n))
+        uint32_t hint;
+        if (!surface_patch_point(s->setup.scan, weight, patch, rng_uniform(r), r, &q, &hint) ||
+            !solver_project_point(f, s->state.spacing, s->setup.field->cell_size, &hint, &q, &n))
             continue;
         const double nearest2 = moving_cell_list_nearest2(all, q, i);
         if (nearest2 <= best) continue;
@@ -208,8 +209,9 @@ static void move_off_curve(solver *s, size_t i)
     }
     inwards = vec3_axpy(-vec3_dot(inwards, normal), normal, inwards);
     x = vec3_axpy(ON_CURVE_DISTANCE * h, vec3_unit(inwards), x);
-    if (!solver_project_point(f, s->state.spacing, ON_CURVE_DISTANCE * h, &x, &normal) ||
-        !field_is_within(f, x))
+    uint32_t hint = p->hint[i];
+    if (!solver_project_point(f, s->state.spacing, ON_CURVE_DISTANCE * h, &hint, &x, &normal) ||
+        !field_is_within_near(f, x, &hint))
         return;
     solver_mark_displaced(s, i);
     s->state.p->position[i] = x;

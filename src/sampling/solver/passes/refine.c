@@ -546,12 +546,14 @@ static bool draw_on_patch(const field *f, const surface *scan, const sizing_fiel
 {
     const double *weight = sizing_field_weight(sizing, scan);
     const projection_limits limits = projection_draft(spacing);
-    for (int draw = 0; draw < START_MAX_DRAWS; draw++)
-        if (surface_patch_point(scan, weight, patch, rng_uniform(r), r, x) &&
-            projection_find(field_of_patch(f, patch), &limits, x, normal) &&
-            field_is_within(field_of_patch(f, patch), *x) &&
+    for (int draw = 0; draw < START_MAX_DRAWS; draw++) {
+        uint32_t hint;
+        if (surface_patch_point(scan, weight, patch, rng_uniform(r), r, x, &hint) &&
+            projection_find_near(field_of_patch(f, patch), &limits, &hint, x, normal) &&
+            field_is_within_near(field_of_patch(f, patch), *x, &hint) &&
             (draw >= START_CLEAR_DRAWS || !is_too_near_curve(patches, patch, *x, spacing)))
             return true;
+    }
     return false;
 }
 

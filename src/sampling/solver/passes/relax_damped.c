@@ -13,6 +13,9 @@ static const double MISLED_LAMBDA = 2;
 /* Minimum distance over sigma at which the potential is evaluated for the turning of normals; it is
  * singular at 0. */
 static const double MIN_TURNING_DISTANCE = 0.05;
+/* Maximum difference of the cosines of a pair's normals, with the particle's stored normal and with the one at its
+ * position. */
+static const double TURNING_MARGIN = 0.1;
 /* Maximum distance of a trial from the surface over h. */
 static const double TRIAL_REJECT = 0.01;
 /* Projection tolerance of a trial over h. */
@@ -36,7 +39,7 @@ typedef struct step_input {
     bool faceted;
     /* fast steps exist: of particles with weights of 1 only those whose fast step failed come here */
     bool has_fast;
-    vec3 x, axis1, axis2;
+    vec3 x, normal, axis1, axis2;
     double sigma, spacing; /* times the particle's size */
     double bound;          /* maximum step in the tangent plane */
     double limit;          /* maximum displacement */
@@ -44,13 +47,17 @@ typedef struct step_input {
     unsigned boundary_axes; /* normal axes of the domain faces that the particle lies in and never leaves */
 } step_input;
 
-/* Whether the facing weight of a pair depends on the normals, which is rare: weights are constant except
- * between 120 and 143 degrees. */
-static bool has_varying_weight(const pair_list *g)
+/* Whether a weight may change when the particle's own normal turns: that of a pair between the limits of
+ * PAIR_FACING_RANGE, or near them. */
+static bool may_turn(const pair_list *g, vec3 n)
 {
+    const double least = PAIR_FACING_NONE - TURNING_MARGIN,
+                 most = PAIR_FACING_NONE + PAIR_FACING_RANGE + TURNING_MARGIN;
     bool any = false;
-    for (size_t k = 0; k < g->blocks * PAIR_LANES; k++)
-        any |= (g->weight[k] > 0) & (g->weight[k] < g->amplitude[k]);
+    for (size_t k = 0; k < g->blocks * PAIR_LANES; k++) {
+        const double cosine = n.x * g->nx[k] + n.y * g->ny[k] + n.z * g->nz[k];
+        any |= cosine > least && cosine < most;
+    }
     return any;
 }
 
@@ -59,7 +66,7 @@ static bool has_varying_weight(const pair_list *g)
 static void add_turning(const step_input *a, pair_forces *f)
 {
     field_sample s;
-    if (!has_varying_weight(a->near) || !field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s))
+    if (!may_turn(a->near, a->normal) || !field_sample_near(a->field, a->x, FIELD_HESSIAN, a->hint, &s))
         return;
     double length = vec3_norm(s.gradient);
     vec3 n = vec3_scale(s.gradient, 1 / length);
@@ -200,6 +207,7 @@ void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sum
                     .faceted = p->patch != NULL,
                     .has_fast = job->r->fast != NULL,
                     .x = p->position[i],
+                    .normal = p->normal[i],
                     .sigma = params->sigma * particles_size(p, i),
                     .spacing = params->spacing * particles_size(p, i),
                     .boundary_axes = projection_boundary_axes(params->field, p->position[i])};

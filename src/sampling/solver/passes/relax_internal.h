@@ -15,6 +15,10 @@
  * built, its weight stays 1 while they are valid: weights fall from 120 degrees on (sampling/packing/pair.h),
  * so that both normals would have to turn by 30 degrees within skin / 2. */
 #define RELAX_FLAT_COSINE 0.5
+/* The same on patches with the fast kernel (90 degrees). On rough meshes many neighbours' normals diverge by more
+ * than 60 degrees, and a damped step takes five times as long as a fast one. Down to -0.3, hex_fraction is the
+ * same, but near folds more rounds are repeated. */
+#define RELAX_FLAT_COSINE_OF_PATCHES 0.0
 /* Cosine of normals without an edge between them (37 degrees). Normals at an edge diverge by at least 45
  * degrees. */
 #define RELAX_SMOOTH_COSINE 0.8

@@ -95,16 +95,17 @@ static void facing_chunk(void *context, int worker, size_t begin, size_t end)
     const sweep_job *job = context;
     const particles *p = job->p;
     const neighbours *near = job->r->near;
+    const double flat = p->patch && job->r->fast ? RELAX_FLAT_COSINE_OF_PATCHES : RELAX_FLAT_COSINE;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(near, i);
         double least = 1;
-        for (uint32_t k = 0; k < near->list_count[i] && least > RELAX_FLAT_COSINE; k++) {
+        for (uint32_t k = 0; k < near->list_count[i] && least > flat; k++) {
             double cosine = particles_facing(p, i, list[k]);
             least = cosine < least ? cosine : least;
         }
         if (p->place) p->near_boundary[i] = (!p->patch && p->near_boundary[i]) || is_near_curve(job->r, p, i);
-        job->r->flat[i] = (uint8_t)((least > RELAX_FLAT_COSINE) + (least > RELAX_SMOOTH_COSINE));
+        job->r->flat[i] = (uint8_t)((least > flat) + (least > RELAX_SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }
 }

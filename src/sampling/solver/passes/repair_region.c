@@ -212,14 +212,16 @@ static bool insert_member(repair_region *p, uint32_t beside, rng *r)
 {
     const double h = p->h[beside];
     vec3 normal = p->normal[beside], x = vec3_axpy(0.5 * h, random_tangent(normal, r), p->x[beside]);
+    uint32_t hint = FIELD_NO_HINT;
     if (p->count == REPAIR_MAX_MEMBERS || p->free == REPAIR_MAX_FREE ||
-        !solver_project_point(p->field, h, h, &x, &normal) || !field_is_within(p->field, x))
+        !solver_project_point(p->field, h, h, &hint, &x, &normal) ||
+        !field_is_within_near(p->field, x, &hint))
         return false;
     copy_member(p, p->count++, p->free);
     p->x[p->free] = x;
     p->normal[p->free] = normal;
     p->h[p->free] = h;
-    p->hint[p->free] = FIELD_NO_HINT;
+    p->hint[p->free] = hint;
     p->evaluated[p->free] = true;
     p->degree[p->free++] = PACKING_IDEAL_DEGREE;
     activate(p, x, h);

@@ -105,7 +105,10 @@ static bool move_away(const separation *job, size_t i)
         vec3 x = vec3_axpy(DISPLACEMENT * h * cos(angle), axis1,
                            vec3_axpy(DISPLACEMENT * h * sin(angle), axis2, from)),
              normal = p->normal[i];
-        if (!solver_project_point(f, h, DISPLACEMENT * h, &x, &normal) || !field_is_within(f, x)) continue;
+        uint32_t hint = p->hint[i];
+        if (!solver_project_point(f, h, DISPLACEMENT * h, &hint, &x, &normal) ||
+            !field_is_within_near(f, x, &hint))
+            continue;
         const double distance = distance_of_nearest(job, i, x, INFINITY);
         if (distance <= farthest) continue;
         farthest = distance;
