@@ -20,9 +20,8 @@ enum { PROBES_OF_POINT = 2 };
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
 static const double LEAST_PART = 1e-4;
-/* Candidates are collected for nodes and parts of triangles up to this radius, in spacings. With few cells, smaller
- * parts are skipped that none of them reaches. */
-static const double SMALL = 3, SMALL_FEW = 1.5;
+/* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
+static const double SMALL = 3;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
@@ -616,11 +615,6 @@ static surroundings surroundings_at(const descent *d, vec3 centre, double radius
     return out;
 }
 
-static double largest_radius(const descent *d)
-{
-    return d->wanted->list ? SMALL_FEW : SMALL;
-}
-
 static double part_radius(const part *t, vec3 centroid)
 {
     double radius = 0;
@@ -654,7 +648,7 @@ static bool visit_large_part(descent *d, const part *t)
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
     if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest)) return true;
-    if (at.radius > largest_radius(d) * at.spacing) {
+    if (at.radius > SMALL * at.spacing) {
         double length;
         const int longest = longest_edge(t, &length);
         part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
@@ -751,7 +745,7 @@ static bool visit_node(descent *d, uint32_t node)
     const surroundings at = surroundings_at(d, n->centre, n->radius);
     bool ok = true;
     if (!voronoi_reaches(d->wanted, n->centre, n->radius, at.nearest)) return true;
-    if (at.radius <= largest_radius(d) * at.spacing) {
+    if (at.radius <= SMALL * at.spacing) {
         const size_t base = d->top;
         const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
         ok = collect_within(d, n->centre, reach, NULL) &&
