@@ -257,7 +257,7 @@ def test_the_papers_method_from_a_packing_by_levels(worker, tmp_path, sampling):
     assert sized["count"] == 1000 and len(sized["sweeps"]) < len(random["sweeps"])
     if sampling:
         assert {r["regime"] for r in sized["rounds"]} == {"multilevel"} and len({r["level"] for r in sized["rounds"]}) > 1
-        assert sized["step_left"] < 0.003
+        assert sized["diagnostics"]["step_left"] < 0.003
     else:
         assert sized["sweeps"][-1]["mean_log10_lambda"] > 14
     assert sized["quality"]["hex_fraction"] > random["quality"]["hex_fraction"] - 0.01
