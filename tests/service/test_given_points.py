@@ -248,7 +248,7 @@ def test_points_on_sharp_edges_are_kept_and_refined(run, tmp_path):
     assert (place[:len(kept)] == kept).all() and len(place) == 600
     assert report["outcome"] == "converged", report["outcome_reasons"]
     assert (columns["feature"] == 2).sum() == 8
-    assert report["quality"]["hex_fraction"] > 0.8 and report["quality"]["coverage"] < 1
+    assert report["quality"]["hex_fraction"] > 0.75 and report["quality"]["coverage"] < 1
     report, columns = run(on_cube(job(2400, write_ply(tmp_path / "all.ply", at))), "fine")
     assert report["outcome"] == "converged" and len(columns["x"]) == 2400 and report["quality"]["hex_fraction"] > 0.8
 
