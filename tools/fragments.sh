@@ -176,7 +176,7 @@ END {
         else if (path[i] ~ /^clients\/python\/hexad\/([^\/]*\.py|py\.typed)$/) add("python_client_files", path[i])
         else if (path[i] ~ /^(doc\/[^\/]*\.(md|png)|examples\/[^\/]*\.json|fuzz\/[^\/]*\.(py|dict)|tools\/[^\/]*\.(py|sh))$/ ||
             path[i] ~ /^tests\/([^\/]*\/)?[^\/]*\.(h|json|js|md|mjs|py|sh|ts|tsv|txt|yaml)$/ || path[i] ~ /^tests\/[^\/]*\.c$/ ||
-            path[i] ~ /^measurements\/.*(\.(md|csv|json|py|c|h|cc|sh|png|svg)|\/reproduce)$/)
+            path[i] ~ /^measurements\/.*(\.(md|csv|json|py|sh|png|svg)|\/reproduce)$/)
             add("distributed_files", path[i])
     }
     split("longest_tests other_tests sanitized_tests extended_tests campaign_tests page_files python_client_files " \
