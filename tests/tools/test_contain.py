@@ -70,7 +70,7 @@ def test_a_killed_suite_leaves_nothing_behind(contain, build):
 
 def test_a_second_make_in_a_directory_refuses(source, tmp_path):
     (tmp_path / "Makefile").write_text(
-        f"another := $(shell {source}/tools/one_make.sh)\none := $(if $(another),$(error $(another)))\n"
+        f"another := $(shell exec {source}/tools/one_make.sh)\none := $(if $(another),$(error $(another)))\n"
         "all:\n\t@touch held; while ! [ -e go ]; do sleep .01; done; $(MAKE) --no-print-directory below\nbelow:\n\t@echo below\n")
     words = ["make", "--no-print-directory", "-C", tmp_path]
     environ = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
