@@ -6,13 +6,11 @@
  *
  * The modules are loaded from the directory of the program or the library directory. It is started again as the reader
  * of meshes. */
-#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "base/core/memory.h"
 #include "base/json/json.h"
@@ -44,15 +42,6 @@ static double cpu_seconds(void)
 static bool start(job *j, error *e)
 {
     return job_survey(j, e) && job_place(j, &j->solution, e);
-}
-
-static bool relax(job *j, error *e)
-{
-    for (bool again = true; again;)
-        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
-            !job_pin_unrepresented(j, &j->solution, e) || !job_choose_points(j, &again, e))
-            return false;
-    return true;
 }
 
 /* The outcome as far as measures decide it. */
@@ -134,7 +123,7 @@ static spec *load(const char *path, error *e)
 
 int main(int count, char **words)
 {
-    static job_phase *const phases[] = {job_load, start, relax, measure_both};
+    static job_phase *const phases[] = {job_load, start, job_solve, measure_both};
     error e = {0};
     if (count > 1 &&
         (strcmp(words[1], MESH_READER_COMMAND) == 0 || strcmp(words[1], MESH_VALUES_COMMAND) == 0 ||

@@ -30,10 +30,10 @@ def tool_name(row):
 
 
 def console_line(row):
-    who = f"{row['surface']:<15} {row['asked']:>9} {tool_name(row):<17}"
+    label = f"{row['surface']:<15} {row['asked']:>9} {tool_name(row):<17}"
     if "missing" in row:
-        return f"{who} {row['missing']}"
-    return who + "".join(f" {text:>{max(len(title), 8)}}" for text, (_, title, _) in zip(cells(row), COLUMNS))
+        return f"{label} {row['missing']}"
+    return label + "".join(f" {text:>{max(len(title), 8)}}" for text, (_, title, _) in zip(cells(row), COLUMNS))
 
 
 def console_head():

@@ -473,7 +473,9 @@ bool job_finalize(job *j, solution *s, error *e)
     return true;
 }
 
-bool job_choose_points(job *j, bool *again, error *e)
+/* If given points are avoided: chooses the points of the result. *again: there are too few or far too many,
+ * and another solve, with j->count points, has been placed. */
+static bool choose_points(job *j, bool *again, error *e)
 {
     const solver_points *p = solver_result_points(j->solution.solver);
     size_t packed = 0;
@@ -549,7 +551,9 @@ static size_t pinned_next(size_t left)
     return most < left ? most : left;
 }
 
-bool job_pin_unrepresented(job *j, solution *s, error *e)
+/* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from
+ * the mesh, pins points at the deviations and relaxes all others again. */
+static bool pin_unrepresented(job *j, solution *s, error *e)
 {
     const mesh *on = mesh_to_resolve(j);
     const size_t share = solver_result_points(s->solver)->count / PINNED_OF;
@@ -574,6 +578,15 @@ bool job_pin_unrepresented(job *j, solution *s, error *e)
         drop_triangles(s);
         if (!job_relax(j, s->solver, 0, e) || !job_finalize(j, s, e)) return false;
     }
+    return true;
+}
+
+bool job_solve(job *j, error *e)
+{
+    for (bool again = true; again;)
+        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
+            !pin_unrepresented(j, &j->solution, e) || !choose_points(j, &again, e))
+            return false;
     return true;
 }
 

@@ -87,13 +87,8 @@ bool job_relax(job *j, solver *s, double reserve_s, error *e);
 /* Projects the points onto the surface to rounding, or onto the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
 
-/* If given points are avoided: chooses the points of the result. *again: there are too few or far too many,
- * and another solve, with j->count points, has been placed. */
-bool job_choose_points(job *j, bool *again, error *e);
-
-/* On a closed mesh that has to be resolved: if the triangles between the final points deviate too much from
- * the mesh, pins points at the deviations and relaxes all others again. */
-bool job_pin_unrepresented(job *j, solution *s, error *e);
+/* Relaxes the placed particles until the points of the result are final. */
+bool job_solve(job *j, error *e);
 
 /* Measures a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);

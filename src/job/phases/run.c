@@ -20,10 +20,7 @@ static bool relax(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return time_target_fill(j, e);
-    for (bool again = true; again;)
-        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
-            !job_pin_unrepresented(j, &j->solution, e) || !job_choose_points(j, &again, e))
-            return false;
+    if (!job_solve(j, e)) return false;
     return !j->spec->coherent || sequence_end(&j->sequence, solver_result_points(j->solution.solver), e);
 }
 
