@@ -293,17 +293,17 @@ static void frames_are_tangent(void **state)
 }
 
 /* A fast step over the plane z = 0.001, whose field has the gradient 2. */
-static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *forces, fast_kernel_way *way)
+static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *forces, fast_kernel_step *step)
 {
     memset(forces, 0, sizeof *forces);
-    memset(way, 0, sizeof *way);
+    memset(step, 0, sizeof *step);
     k->forces(f->place, &f->particles, &f->params, forces);
-    k->step(&f->particles, forces, &f->params, way);
+    k->tangent_step(&f->particles, forces, &f->params, step);
     for (size_t l = 0; l < LANES; l++) {
-        way->value[l] = 2 * (way->to.z[l] - 0.001);
-        way->gradient.z[l] = 2;
+        step->value[l] = 2 * (step->end.z[l] - 0.001);
+        step->gradient.z[l] = 2;
     }
-    k->land(&f->particles, &f->params, way);
+    k->project(&f->particles, &f->params, step);
 }
 
 static void a_fast_step_ends_on_the_surface_within_its_limit(void **state)
@@ -314,20 +314,20 @@ static void a_fast_step_ends_on_the_surface_within_its_limit(void **state)
     for (int round = 0; round < 50; round++) {
         fixture f;
         fast_kernel_forces forces;
-        fast_kernel_way way;
+        fast_kernel_step step;
         random_fixture(&f, &r);
         if (round % 2 == 0) f.params.longest = 0.02;
-        go(&f, fast_kernel_for(isa_best()), &forces, &way);
+        go(&f, fast_kernel_for(isa_best()), &forces, &step);
         for (size_t l = 0; l < LANES; l++) {
-            if (!way.ends_well[l]) {
+            if (!step.is_valid[l]) {
                 refused++;
                 continue;
             }
-            double length = vec3_norm(vec3_sub(lane_of(&way.to, l), lane_of(&f.particles.position, l)));
-            assert_close(way.to.z[l], 0.001, 1e-15);
-            assert_close(way.length[l], length, 1e-12);
+            double length = vec3_norm(vec3_sub(lane_of(&step.end, l), lane_of(&f.particles.position, l)));
+            assert_close(step.end.z[l], 0.001, 1e-15);
+            assert_close(step.length[l], length, 1e-12);
             assert_true(length <= (double)f.particles.allowed_step[l]);
-            assert_close(vec3_norm(vec3_sub(lane_of(&way.gradient, l), (vec3){0, 0, 1})), 0, 1e-12);
+            assert_close(vec3_norm(vec3_sub(lane_of(&step.gradient, l), (vec3){0, 0, 1})), 0, 1e-12);
             ended_well++;
         }
     }
@@ -344,16 +344,16 @@ static void a_particle_always_gets_the_same_bits(void **state)
     for (int round = 0; round < 100; round++) {
         fixture f;
         fast_kernel_forces portable, other;
-        fast_kernel_way way, other_way;
+        fast_kernel_step step, other_step;
         float energy[LANES], half[LANES];
         random_fixture(&f, &r);
         choose_factors(&f, round);
-        go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &way);
+        go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &step);
         for (isa which = ISA_PORTABLE + 1; which < ISA_COUNT; which++) {
             if (!isa_available(which)) continue;
-            go(&f, fast_kernel_for(which), &other, &other_way);
+            go(&f, fast_kernel_for(which), &other, &other_step);
             assert_memory_equal(&portable, &other, sizeof other);
-            assert_memory_equal(&way, &other_way, sizeof way);
+            assert_memory_equal(&step, &other_step, sizeof step);
             fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, LANES, energy);
             assert_memory_equal(energy, portable.energy, sizeof energy);
             fast_kernel_for(which)->energy(f.place, &f.particles, &f.params, LANES / 2, half);

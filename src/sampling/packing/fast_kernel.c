@@ -12,18 +12,21 @@
 
 enum { LANES = FAST_KERNEL_LANES };
 
-/* Added to w^2, which is 2.47 at the support: gives coincident particles a positive distance, and is lost in
- * rounding at other distances. */
+/* Added to w^2, so that coincident particles have a positive distance. At the support w^2 is 2.47; except for
+ * coincident particles the addition is below the rounding error. */
 static const float CLOSEST = 2.5e-10f;
-/* Maximum potential that scales the turning of normals: the value at a twentieth of the support. */
+/* The derivative of a facing weight is multiplied by the potential of the pair, at most by this value: that
+ * at 1/20 of the support. The potential of coincident particles is infinite. */
 static const float TURNING_MOST = 11.24f;
 
-/* The step (11)(12) in the tangent frame. */
-ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces *f,
-                     const fast_kernel_params *params, fast_kernel_way *out)
+/* The damped Newton step (11)(12) in the tangent plane. It is scaled by omega, and shortened to the share
+ * FAST_KERNEL_BOUND_SHARE of limit2. Each loop here and in `project` has numbers of one type only, so that
+ * the compiler vectorises it; is_valid is therefore set by a second loop. */
+ISA_INLINE void tangent_step(const fast_kernel_particles *own, const fast_kernel_forces *f,
+                             const fast_kernel_params *params, fast_kernel_step *out)
 {
     const double unit2 = params->unit * params->unit, scale0 = params->omega * params->unit;
-    double well[LANES];
+    double is_valid[LANES];
     for (int l = 0; l < LANES; l++) {
         double h11 = (double)f->h11[l], h12 = (double)f->h12[l], h22 = (double)f->h22[l];
         double d1 = (double)f->d1[l], d2 = (double)f->d2[l], size = (double)own->size[l];
@@ -42,51 +45,54 @@ ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces 
         length2 = length2 > bound2 ? bound2 : length2;
         s1 *= scale;
         s2 *= scale;
-        out->to.x[l] = own->position.x[l] + (s1 * (double)f->axis1[0][l] + s2 * (double)f->axis2[0][l]);
-        out->to.y[l] = own->position.y[l] + (s1 * (double)f->axis1[1][l] + s2 * (double)f->axis2[1][l]);
-        out->to.z[l] = own->position.z[l] + (s1 * (double)f->axis1[2][l] + s2 * (double)f->axis2[2][l]);
+        out->end.x[l] = own->position.x[l] + (s1 * (double)f->axis1[0][l] + s2 * (double)f->axis2[0][l]);
+        out->end.y[l] = own->position.y[l] + (s1 * (double)f->axis1[1][l] + s2 * (double)f->axis2[1][l]);
+        out->end.z[l] = own->position.z[l] + (s1 * (double)f->axis1[2][l] + s2 * (double)f->axis2[2][l]);
         out->limit2[l] = limit2;
-        well[l] = length2 <= longest * longest ? 1.0 : 0.0;
+        is_valid[l] = length2 <= longest * longest ? 1.0 : 0.0;
     }
-    for (int l = 0; l < LANES; l++) out->ends_well[l] = well[l] > 0;
+    for (int l = 0; l < LANES; l++) out->is_valid[l] = is_valid[l] > 0;
 }
 
-/* Each loop has numbers of one type only, so that the compiler vectorises it. */
-ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params *params, fast_kernel_way *way)
+/* One Newton step (9) along the gradient onto the surface. */
+ISA_INLINE void project(const fast_kernel_particles *own, const fast_kernel_params *params,
+                        fast_kernel_step *step)
 {
-    double well[LANES];
+    double is_valid[LANES];
     for (int l = 0; l < LANES; l++) {
-        double gx = way->gradient.x[l], gy = way->gradient.y[l], gz = way->gradient.z[l];
-        double value = way->value[l], g2 = gx * gx + gy * gy + gz * gz;
+        double gx = step->gradient.x[l], gy = step->gradient.y[l], gz = step->gradient.z[l];
+        double value = step->value[l], g2 = gx * gx + gy * gy + gz * gz;
         double farthest = params->farthest * (double)own->size[l];
-        double over = 1 / sqrt(g2), back = value * over * over;
-        double x = way->to.x[l] - back * gx, y = way->to.y[l] - back * gy, z = way->to.z[l] - back * gz;
+        double over = 1 / sqrt(g2), back = value * over * over; /* the step is -back times the gradient */
+        double x = step->end.x[l] - back * gx, y = step->end.y[l] - back * gy, z = step->end.z[l] - back * gz;
         double dx = x - own->position.x[l], dy = y - own->position.y[l], dz = z - own->position.z[l];
         double length2 = dx * dx + dy * dy + dz * dz;
         double near = value * value < farthest * farthest * g2 ? 1.0 : 0.0;
-        well[l] = length2 <= way->limit2[l] ? near : 0.0;
-        way->length[l] = sqrt(length2);
-        way->to.x[l] = x;
-        way->to.y[l] = y;
-        way->to.z[l] = z;
-        way->gradient.x[l] = gx * over;
-        way->gradient.y[l] = gy * over;
-        way->gradient.z[l] = gz * over;
+        is_valid[l] = length2 <= step->limit2[l] ? near : 0.0;
+        step->length[l] = sqrt(length2);
+        step->end.x[l] = x;
+        step->end.y[l] = y;
+        step->end.z[l] = z;
+        step->gradient.x[l] = gx * over;
+        step->gradient.y[l] = gy * over;
+        step->gradient.z[l] = gz * over;
     }
-    for (int l = 0; l < LANES; l++) way->ends_well[l] &= well[l] > 0;
+    for (int l = 0; l < LANES; l++) step->is_valid[l] &= is_valid[l] > 0;
 }
 
-ISA_INLINE float reach_of(const fast_kernel_params *params)
+/* The argument of the cotangent is w = pi/2 r / (support times the mean of the two sizes). Returns w of a
+ * pair at the distance of one unit of place whose sizes add up to 1. */
+ISA_INLINE float angle_of_unit(const fast_kernel_params *params)
 {
     return (float)(M_PI * params->unit / params->support);
 }
 
 #define VERSION(name) name##_portable
 #define VERSION_WIDTH 4
-#define VERSION_LEAST(a, b) VERSION_CHOOSE((a) < (b), a, b)
-#define VERSION_ROOT(x) ((VERSION(floats)){sqrtf((x)[0]), sqrtf((x)[1]), sqrtf((x)[2]), sqrtf((x)[3])})
+#define VERSION_MIN(a, b) VERSION_SELECT((a) < (b), a, b)
+#define VERSION_SQRT(x) ((VERSION(floats)){sqrtf((x)[0]), sqrtf((x)[1]), sqrtf((x)[2]), sqrtf((x)[3])})
 #include "sampling/packing/fast_kernel_pairs.h"
-ISA_INLINE void load_portable(const void *from, const uint32_t *const list[], size_t k, row_portable *out)
+ISA_INLINE void load_portable(const void *from, const uint32_t *const list[], size_t k, entries_portable *out)
 {
     int32_t e[VERSION_WIDTH][4];
     for (int l = 0; l < VERSION_WIDTH; l++)
@@ -98,8 +104,8 @@ ISA_INLINE void load_portable(const void *from, const uint32_t *const list[], si
 }
 #undef VERSION
 #undef VERSION_WIDTH
-#undef VERSION_LEAST
-#undef VERSION_ROOT
+#undef VERSION_MIN
+#undef VERSION_SQRT
 
 #ifdef __x86_64__
 ISA_INLINE __m128i entry_at(const void *from, const uint32_t *list, size_t k)
@@ -111,11 +117,11 @@ ISA_INLINE __m128i entry_at(const void *from, const uint32_t *list, size_t k)
 #pragma GCC target("avx2")
 #define VERSION(name) name##_avx2
 #define VERSION_WIDTH 8
-#define VERSION_LEAST(a, b) ((VERSION(floats))_mm256_min_ps((__m256)(a), (__m256)(b)))
-#define VERSION_ROOT(x) ((VERSION(floats))_mm256_sqrt_ps((__m256)(x)))
+#define VERSION_MIN(a, b) ((VERSION(floats))_mm256_min_ps((__m256)(a), (__m256)(b)))
+#define VERSION_SQRT(x) ((VERSION(floats))_mm256_sqrt_ps((__m256)(x)))
 #include "sampling/packing/fast_kernel_pairs.h"
-/* Loads the entries of eight lanes and transposes them in registers. */
-ISA_INLINE void load_avx2(const void *from, const uint32_t *const list[], size_t k, row_avx2 *out)
+/* Loads entry k of eight lists and transposes the eight structs to four vectors in registers. */
+ISA_INLINE void load_avx2(const void *from, const uint32_t *const list[], size_t k, entries_avx2 *out)
 {
     __m256i p[4];
     for (size_t q = 0; q < 4; q++) { /* lanes q and 4 + q */
@@ -131,18 +137,18 @@ ISA_INLINE void load_avx2(const void *from, const uint32_t *const list[], size_t
 }
 #undef VERSION
 #undef VERSION_WIDTH
-#undef VERSION_LEAST
-#undef VERSION_ROOT
+#undef VERSION_MIN
+#undef VERSION_SQRT
 #pragma GCC pop_options
 
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=512")
 #define VERSION(name) name##_avx512
 #define VERSION_WIDTH 16
-#define VERSION_LEAST(a, b) ((VERSION(floats))_mm512_min_ps((__m512)(a), (__m512)(b)))
-#define VERSION_ROOT(x) ((VERSION(floats))_mm512_sqrt_ps((__m512)(x)))
+#define VERSION_MIN(a, b) ((VERSION(floats))_mm512_min_ps((__m512)(a), (__m512)(b)))
+#define VERSION_SQRT(x) ((VERSION(floats))_mm512_sqrt_ps((__m512)(x)))
 #include "sampling/packing/fast_kernel_pairs.h"
-ISA_INLINE void load_avx512(const void *from, const uint32_t *const list[], size_t k, row_avx512 *out)
+ISA_INLINE void load_avx512(const void *from, const uint32_t *const list[], size_t k, entries_avx512 *out)
 {
     __m512i p[4];
     for (size_t q = 0; q < 4; q++) { /* lanes q, 4 + q, 8 + q, 12 + q */

@@ -2,13 +2,20 @@
 /* fast_kernel: forces, steps and energies of sixteen particles at once, one per SIMD lane. Most of the time
  * of a solve is spent here.
  *
- * A fast step is one step of the quadratic model of the energy in the tangent plane, followed by one Newton
- * step onto the surface. The energy at its end is not evaluated. Forces are in single precision: the
- * derivative (7) of the cotangent potential (6) and the first term of its Hessian (10) in the tangent frame,
- * as in pair_forces_at. Pairs have amplitudes (13) if particles have them. Guarded steps use the same
- * functions, with facing weights, damping, and energies at the end. Positions are integers, so that their differences are exact; the error of a step is about 1e-6
- * spacings. The result of a lane is the same to the last bit for every instruction set and for any
- * contents of the other lanes. Pure functions, any thread. */
+ * A step has three parts:
+ * - `forces` computes the energy of each particle, its gradient (7) and the first term of its Hessian (10),
+ *   for the cotangent potential (6). Both are those in the tangent frame, as in pair_forces_at.
+ * - `tangent_step` takes one Newton step of the energy in the tangent plane.
+ * - The caller samples the field at its end. `project` then takes one Newton step of the field onto the
+ *   surface.
+ *
+ * A fast step (relax_fast.c) ends here. A guarded step (relax_guarded.c) has damping and facing weights, and
+ * is accepted by the energy at its end, which `energy` computes. Pairs have amplitudes (13) if particles have
+ * them.
+ *
+ * Forces are in single precision. Positions are integers, so that their differences are exact. The error of a
+ * step is about 1e-6 spacings. The result of a lane is the same to the last bit for every instruction set and
+ * for any contents of the other lanes. Pure functions, any thread. */
 #ifndef HEXAD_SAMPLING_PACKING_FAST_KERNEL_H
 #define HEXAD_SAMPLING_PACKING_FAST_KERNEL_H
 
@@ -20,15 +27,16 @@
 
 #define FAST_KERNEL_LANES VEC3_LANES
 
-/* For all steps. FAST_KERNEL_HESSIAN_FLOOR, over the trace, is added to the diagonal: the 2 x 2 system stays
- * regular if all neighbours are collinear. FAST_KERNEL_BOUND_SHARE: maximum length of the step in the tangent
- * plane over the maximum displacement; the projection adds to it. */
+/* This times the trace is added to the diagonal of the Hessian, which is singular if all neighbours are
+ * collinear. */
 #define FAST_KERNEL_HESSIAN_FLOOR 1e-9
+/* Maximum length of the step in the tangent plane over the maximum displacement. The rest is left for the
+ * projection. */
 #define FAST_KERNEL_BOUND_SHARE 0.9
 
-/* Particles and their neighbour lists. Each list is read up to the largest `count` of all lanes; all entries
- * read must be points. Entries beyond the lane's own count do not affect its result, also if another
- * thread moves these points. */
+/* Particles and their neighbour lists. Each list is read up to the largest `count` of all lanes, and all
+ * entries that are read must be points. Entries beyond the lane's own count do not affect its result, not
+ * even if another thread moves these points. */
 typedef struct fast_kernel_particles {
     const uint32_t *list[FAST_KERNEL_LANES];
     uint32_t count[FAST_KERNEL_LANES];
@@ -50,9 +58,8 @@ typedef struct fast_kernel_forces {
     float d1[FAST_KERNEL_LANES], d2[FAST_KERNEL_LANES];
     float h11[FAST_KERNEL_LANES], h12[FAST_KERNEL_LANES],
         h22[FAST_KERNEL_LANES]; /* first term of (10) in the frame */
-    float nearest2
-        /* squared distance of the nearest neighbour with weight > 0 within the support; infinity: none */
-        [FAST_KERNEL_LANES];
+    /* squared distance of the nearest neighbour with weight > 0 within the support; infinity: none */
+    float nearest2[FAST_KERNEL_LANES];
     /* Derivative of the energy with respect to the particle's normal, through the facing weights; 0 if all
      * weights are 0 or 1. The caller multiplies it by the rotation of the normal along the axes and adds
      * the product to d1 and d2. */
@@ -70,35 +77,41 @@ typedef struct fast_kernel_params {
     double unit;     /* of neighbours_place, world units */
     double support;  /* of a pair of particles of size 1, world units */
     double omega;    /* over-relaxation factor */
-    double longest;  /* maximum length of a step over size, world units; a longer step fails (!ends_well) */
+    double longest;  /* maximum length of a step over size, world units; a longer step fails (!is_valid) */
     double farthest; /* maximum distance from the surface before the Newton step over size, world units */
     const fast_kernel_factors *factors; /* of all points; not read unless one of the following is set */
     bool has_facing;                    /* pairs have facing weights (pair_weigh); otherwise these are 1 */
     bool has_amplitudes;                /* pairs have the mean amplitude of their points; otherwise it is 1 */
 } fast_kernel_params;
 
-/* Positions of the particles during a step: after the step in the tangent plane, then on the surface. */
-typedef struct fast_kernel_way {
-    vec3_lanes to;
-    vec3_lanes gradient; /* of the field at `to`, as `value`: input of `land`; afterwards the unit normal */
+typedef struct fast_kernel_step {
+    vec3_lanes end; /* position after tangent_step, then after `project` */
+    /* of the field at `end`, set by the caller between the two functions; `project` replaces the gradient by
+     * the unit normal */
+    vec3_lanes gradient;
     double value[FAST_KERNEL_LANES];
-    double limit2[FAST_KERNEL_LANES];  /* squared maximum displacement */
-    double length[FAST_KERNEL_LANES];  /* displacement after `land` */
-    double gain[FAST_KERNEL_LANES];    /* decrease of E_i over size^2 by the quadratic model */
-    bool ends_well[FAST_KERNEL_LANES]; /* the step has not failed */
-} fast_kernel_way;
+    double limit2[FAST_KERNEL_LANES]; /* squared maximum displacement */
+    double length[FAST_KERNEL_LANES]; /* displacement after `project` */
+    double gain[FAST_KERNEL_LANES];   /* decrease of E_i over size^2 by the quadratic model */
+    /* false: the step is longer than its limits, or its end is too far from the surface for one Newton
+     * step */
+    bool is_valid[FAST_KERNEL_LANES];
+} fast_kernel_step;
 
 typedef struct fast_kernel {
     void (*forces)(const neighbours_place *place, const fast_kernel_particles *particles,
                    const fast_kernel_params *params, fast_kernel_forces *out);
-    /* The step in the tangent plane, limited by allowed_step and by the distance of the nearest neighbour. */
-    void (*step)(const fast_kernel_particles *particles, const fast_kernel_forces *forces,
-                 const fast_kernel_params *params, fast_kernel_way *out);
-    /* The Newton step onto the surface, from value and gradient. */
-    void (*land)(const fast_kernel_particles *particles, const fast_kernel_params *params,
-                 fast_kernel_way *way);
-    /* E_i over size^2 of the first `count` particles, as `forces` computes it. All lanes hold points. Half of
-     * the lanes take half of the time, except with avx512. */
+    /* Sets end, limit2, gain and is_valid. The maximum displacement is allowed_step or the distance of the
+     * nearest neighbour, whichever is smaller. */
+    void (*tangent_step)(const fast_kernel_particles *particles, const fast_kernel_forces *forces,
+                         const fast_kernel_params *params, fast_kernel_step *out);
+    /* Moves `end` by one Newton step onto the surface, from value and gradient there. Clears is_valid if the
+     * step fails. */
+    void (*project)(const fast_kernel_particles *particles, const fast_kernel_params *params,
+                    fast_kernel_step *step);
+    /* E_i over size^2 of the first `count` particles, as `forces` computes it. The other lanes must hold
+     * points, too. Only as many lanes are computed as `count` requires: a multiple of 4 (portable), 8 (avx2)
+     * or 16 (avx512). */
     void (*energy)(const neighbours_place *place, const fast_kernel_particles *particles,
                    const fast_kernel_params *params, size_t count, float out[FAST_KERNEL_LANES]);
 } fast_kernel;

@@ -27,7 +27,7 @@ static fast_kernel_params fast_step_params(const relax *r, const relax_params *p
 /* Samples the fields of particles of patches in lanes. If the gradient is opposite to a particle's normal,
  * the hint is outdated and has led to the opposite wall: samples again without a hint. */
 static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size_t count,
-                               fast_kernel_way *way)
+                               fast_kernel_step *step)
 {
     const field *f = job->params->field;
     uint32_t patch[VEC3_LANES] = {0}, hint[VEC3_LANES] = {0};
@@ -35,39 +35,39 @@ static void sample_patch_lanes(const sweep_job *job, const uint32_t *items, size
         patch[l] = job->p->patch[items[l]];
         hint[l] = job->p->hint[items[l]];
     }
-    f->ops->sample_patch_lanes(f, patch, &way->to, way->ends_well, hint, way->value, &way->gradient);
+    f->ops->sample_patch_lanes(f, patch, &step->end, step->is_valid, hint, step->value, &step->gradient);
     bool again[VEC3_LANES] = {false}, any = false;
     for (size_t l = 0; l < count; l++) {
-        const vec3 gradient = {way->gradient.x[l], way->gradient.y[l], way->gradient.z[l]};
-        if (!way->ends_well[l] || !(vec3_dot(gradient, job->p->normal[items[l]]) < 0)) continue;
+        const vec3 gradient = {step->gradient.x[l], step->gradient.y[l], step->gradient.z[l]};
+        if (!step->is_valid[l] || !(vec3_dot(gradient, job->p->normal[items[l]]) < 0)) continue;
         hint[l] = FIELD_NO_HINT;
         again[l] = any = true;
     }
-    if (any) f->ops->sample_patch_lanes(f, patch, &way->to, again, hint, way->value, &way->gradient);
+    if (any) f->ops->sample_patch_lanes(f, patch, &step->end, again, hint, step->value, &step->gradient);
     for (size_t l = 0; l < count; l++) job->p->hint[items[l]] = hint[l];
 }
 
 /* Samples the field at the targets of the particles, with patches that of each particle's patch. */
-static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_way *way)
+static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t count, fast_kernel_step *step)
 {
     const field *f = job->params->field;
     if (!job->p->patch) {
-        field_sample_lanes(f, &way->to, way->ends_well, way->value, &way->gradient);
+        field_sample_lanes(f, &step->end, step->is_valid, step->value, &step->gradient);
         return;
     }
     if (f->ops->sample_patch_lanes) {
-        sample_patch_lanes(job, items, count, way);
+        sample_patch_lanes(job, items, count, step);
         return;
     }
     for (size_t l = 0; l < count; l++) {
         field_sample s = {0};
-        vec3 x = {way->to.x[l], way->to.y[l], way->to.z[l]};
-        way->ends_well[l] =
-            way->ends_well[l] && field_sample_at(particles_field(job->p, f, items[l]), x, FIELD_GRADIENT, &s);
-        way->value[l] = s.value;
-        way->gradient.x[l] = s.gradient.x;
-        way->gradient.y[l] = s.gradient.y;
-        way->gradient.z[l] = s.gradient.z;
+        vec3 x = {step->end.x[l], step->end.y[l], step->end.z[l]};
+        step->is_valid[l] =
+            step->is_valid[l] && field_sample_at(particles_field(job->p, f, items[l]), x, FIELD_GRADIENT, &s);
+        step->value[l] = s.value;
+        step->gradient.x[l] = s.gradient.x;
+        step->gradient.y[l] = s.gradient.y;
+        step->gradient.z[l] = s.gradient.z;
     }
 }
 
@@ -77,20 +77,21 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
 {
     const fast_kernel *k = job->r->fast;
     const fast_kernel_params params = fast_step_params(job->r, job->params);
-    fast_kernel_way way;
+    fast_kernel_step step;
     block_sums more = *sums; /* a local copy stays in registers */
-    k->step(own, forces, &params, &way);
-    for (size_t l = 0; l < first; l++) way.ends_well[l] = false;
-    for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
-    sample_lanes(job, items, count, &way);
-    k->land(own, &params, &way);
+    k->tangent_step(own, forces, &params, &step);
+    for (size_t l = 0; l < first; l++) step.is_valid[l] = false;
+    for (size_t l = count; l < FAST_KERNEL_LANES; l++) step.is_valid[l] = false;
+    sample_lanes(job, items, count, &step);
+    k->project(own, &params, &step);
     for (size_t l = first; l < count; l++) {
-        stays[l] = !way.ends_well[l];
+        stays[l] = !step.is_valid[l];
         if (stays[l]) continue;
         relax_add_energy(job, items[l], (double)forces->energy[l], &more);
         more.lambda += RELAX_LAMBDA_FLOOR;
-        relax_take_step(job, items[l], vec3_lanes_get(&way.to, (int)l), vec3_lanes_get(&way.gradient, (int)l),
-                        way.length[l], (double)own->allowed_step[l], &more);
+        relax_take_step(job, items[l], vec3_lanes_get(&step.end, (int)l),
+                        vec3_lanes_get(&step.gradient, (int)l), step.length[l], (double)own->allowed_step[l],
+                        &more);
     }
     *sums = more;
 }

@@ -20,7 +20,7 @@ typedef struct trial {
     fast_kernel_particles own;
     fast_kernel_forces forces;
     fast_kernel_params params;
-    fast_kernel_way way;
+    fast_kernel_step step;
     bool pending[FAST_KERNEL_LANES]; /* no trial was accepted yet */
     double lambda[FAST_KERNEL_LANES];
 } trial;
@@ -45,41 +45,41 @@ static fast_kernel_params kernel_params(const sweep_job *job)
                                 .has_amplitudes = job->r->has_amplitudes};
 }
 
-/* One Newton step towards the surface for the lanes in `left`. Lanes that are on the surface get ends_well;
- * `left` receives the lanes that need another step. False: no lane does. */
+/* One Newton step towards the surface for the lanes in `left`. Sets is_valid of the lanes that are on the
+ * surface; `left` receives the lanes that need another step. False: no lane does. */
 static bool newton_step(const sweep_job *job, const trial *t, bool left[FAST_KERNEL_LANES],
-                        fast_kernel_way *way)
+                        fast_kernel_step *step)
 {
     bool any = false;
-    memcpy(way->ends_well, left, sizeof way->ends_well);
-    field_sample_lanes(job->params->field, &way->to, way->ends_well, way->value, &way->gradient);
-    memcpy(left, way->ends_well, sizeof way->ends_well); /* the field is undefined at the other lanes */
-    job->r->fast->land(&t->own, &t->params, way);
+    memcpy(step->is_valid, left, sizeof step->is_valid);
+    field_sample_lanes(job->params->field, &step->end, step->is_valid, step->value, &step->gradient);
+    memcpy(left, step->is_valid, sizeof step->is_valid); /* the field is undefined at the other lanes */
+    job->r->fast->project(&t->own, &t->params, step);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        left[l] = left[l] && !way->ends_well[l];
+        left[l] = left[l] && !step->is_valid[l];
         any |= left[l];
     }
     return any;
 }
 
-/* Projects the pending lanes onto the surface. Failed lanes have !ends_well. */
-static void land(const sweep_job *job, trial *t)
+/* Projects the pending lanes onto the surface. Failed lanes have !is_valid. */
+static void project_trials(const sweep_job *job, trial *t)
 {
-    fast_kernel_way *way = &t->way;
+    fast_kernel_step *step = &t->step;
     bool left[FAST_KERNEL_LANES];
     memcpy(left, t->pending, sizeof left);
-    bool again = newton_step(job, t, left, way);
+    bool again = newton_step(job, t, left, step);
     for (int k = 1; k < PROJECTION_STEPS && again; k++) {
-        fast_kernel_way next = *way; /* projected lanes keep their values */
+        fast_kernel_step next = *step; /* projected lanes keep their values */
         bool moved[FAST_KERNEL_LANES];
         memcpy(moved, left, sizeof moved);
         again = newton_step(job, t, left, &next);
         for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
             if (!moved[l]) continue;
-            vec3_lanes_put(&way->to, (int)l, vec3_lanes_get(&next.to, (int)l));
-            vec3_lanes_put(&way->gradient, (int)l, vec3_lanes_get(&next.gradient, (int)l));
-            way->length[l] = next.length[l];
-            way->ends_well[l] = next.ends_well[l];
+            vec3_lanes_put(&step->end, (int)l, vec3_lanes_get(&next.end, (int)l));
+            vec3_lanes_put(&step->gradient, (int)l, vec3_lanes_get(&next.gradient, (int)l));
+            step->length[l] = next.length[l];
+            step->is_valid[l] = next.is_valid[l];
         }
     }
 }
@@ -88,14 +88,14 @@ static void land(const sweep_job *job, trial *t)
 static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, fast_kernel_particles *out)
 {
     const neighbours_place place =
-        neighbours_place_of(job->r->near, vec3_lanes_get(&t->way.to, (int)l), t->own.size[l]);
+        neighbours_place_of(job->r->near, vec3_lanes_get(&t->step.end, (int)l), t->own.size[l]);
     out->list[k] = t->own.list[l];
     out->count[k] = t->own.count[l];
     out->x[k] = place.x;
     out->y[k] = place.y;
     out->z[k] = place.z;
     out->size[k] = place.size;
-    vec3_lanes_put(&out->normal, (int)k, vec3_lanes_get(&t->way.gradient, (int)l));
+    vec3_lanes_put(&out->normal, (int)k, vec3_lanes_get(&t->step.gradient, (int)l));
 }
 
 /* Energies of the projected pending lanes, compacted: in the second trial they are few. */
@@ -105,7 +105,7 @@ static void evaluate_energies(const sweep_job *job, const trial *t, float energy
     size_t lane[FAST_KERNEL_LANES], count = 0;
     float found[FAST_KERNEL_LANES];
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
-        if (!t->pending[l] || !t->way.ends_well[l]) continue;
+        if (!t->pending[l] || !t->step.is_valid[l]) continue;
         move_lane(job, t, l, count, &there);
         lane[count++] = l;
     }
@@ -121,12 +121,12 @@ static void begin_trial(const sweep_job *job, const uint32_t *items, double gain
 {
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
         t->own.damping[l] = t->pending[l] ? (float)pow(10, t->lambda[l]) : 0;
-    job->r->fast->step(&t->own, &t->forces, &t->params, &t->way);
+    job->r->fast->tangent_step(&t->own, &t->forces, &t->params, &t->step);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->pending[l]) continue;
         const double allowed = (double)t->own.allowed_step[l], size = (double)t->own.size[l];
         const double nearest = sqrt((double)t->forces.nearest2[l]) * t->params.unit;
-        if (!(t->way.gain[l] > gain * (double)t->forces.energy[l]) || t->lambda[l] > RELAX_LAMBDA_CAP) {
+        if (!(t->step.gain[l] > gain * (double)t->forces.energy[l]) || t->lambda[l] > RELAX_LAMBDA_CAP) {
             job->p->lambda[items[l]] = (float)RELAX_LAMBDA_CAP;
             t->pending[l] = false;
         } else if (allowed < nearest &&
@@ -143,11 +143,11 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
                       block_sums *sums)
 {
     float energy[FAST_KERNEL_LANES]; /* of projected lanes */
-    land(job, t);
+    project_trials(job, t);
     evaluate_energies(job, t, energy);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->pending[l]) continue;
-        if (!t->way.ends_well[l] || !((double)energy[l] < (double)t->forces.energy[l] * (1 - gain))) {
+        if (!t->step.is_valid[l] || !((double)energy[l] < (double)t->forces.energy[l] * (1 - gain))) {
             sums->rejected++;
             t->lambda[l] += 1;
             continue;
@@ -155,8 +155,8 @@ static void end_trial(const sweep_job *job, const uint32_t *items, double gain, 
         t->pending[l] = false;
         if (first) t->lambda[l] = fmax(t->lambda[l] - 1, RELAX_LAMBDA_FLOOR);
         job->p->lambda[items[l]] = (float)t->lambda[l];
-        relax_take_step(job, items[l], vec3_lanes_get(&t->way.to, (int)l),
-                        vec3_lanes_get(&t->way.gradient, (int)l), t->way.length[l],
+        relax_take_step(job, items[l], vec3_lanes_get(&t->step.end, (int)l),
+                        vec3_lanes_get(&t->step.gradient, (int)l), t->step.length[l],
                         (double)t->own.allowed_step[l], sums);
     }
 }
