@@ -186,6 +186,21 @@ static void a_paced_level_has_its_sweeps_before_it_converges(void **state)
     assert_true(ends(&schedule_multilevel, at, 0.04, 0));
 }
 
+/* Whatever its least sweeps are; but the last level, and the earlier stages of the coarsest one, do not. */
+static void a_settled_level_that_will_be_refined_ends_early(void **state)
+{
+    (void)state;
+    for (size_t count = 100; count < 100000; count *= 3) {
+        schedule_position at = {.level = 1, .levels = 3, .stage = LAST, .sweeps = 1, .count = count};
+        assert_true(ends(&schedule_multilevel, at, 0.0009, 0));
+        assert_false(ends(&schedule_multilevel, at, 0.002, 0));
+        at.level = 0;
+        assert_true(ends(&schedule_multilevel, at, 0.0009, 0));
+        at.level = 2;
+        assert_false(ends(&schedule_multilevel, at, 0, 0));
+    }
+}
+
 static void the_paper_method_ends_by_lambda(void **state)
 {
     (void)state;
@@ -288,6 +303,7 @@ int main(void)
         cmocka_unit_test(extra_sweeps_do_not_raise_the_gain),
         cmocka_unit_test(steps_are_unlimited_until_a_level_is_shaken),
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_converges),
+        cmocka_unit_test(a_settled_level_that_will_be_refined_ends_early),
         cmocka_unit_test(the_paper_method_ends_by_lambda),
         cmocka_unit_test(patience_ends_at_regular_intervals),
         cmocka_unit_test(the_coarsest_gain_lasts_longer_than_the_others),

@@ -18,7 +18,7 @@ static const double LAMBDA_BEGINS = -3;
     .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,               \
     .sweeps_most_on_patches = 90, .defects_count = 5e3, .defects_sweeps = 3, .defects_sweeps_most = 50, \
     .graded_sweeps = 6, .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01,             \
-    .limited_wait = 12, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
+    .limited_wait = 12, .skin_wide = 0.3, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
 /* omega: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14, .renewal_share = 0.25
@@ -146,15 +146,18 @@ double schedule_longest_step(const schedule *s, const schedule_position *at)
 }
 
 /* End of a round by the rms step. A level ends after its least sweeps; the coarsest one when each stage has
- * converged; the last one at the tolerance of the job. */
+ * converged; the last one at the tolerance of the job. A level that will be refined ends earlier if its steps
+ * are shorter than the tolerance of a further stage would be: more sweeps do not change its packing. */
 static schedule_end end_by_steps(const schedule *s, const schedule_position *at,
                                  const schedule_evidence *seen)
 {
-    bool last_stage = schedule_is_last_stage(at);
+    const bool last_stage = schedule_is_last_stage(at), last_level = schedule_is_last_level(at);
+    const double step = stage_step(at, seen->step_tolerance);
+    if (last_stage && !last_level && seen->rms_step < step / STEP_RATIO) return SCHEDULE_CONVERGED;
     if (at->sweeps < schedule_least_sweeps(s, at)) return SCHEDULE_GOES_ON;
-    if (schedule_is_last_level(at) && last_stage)
+    if (last_level && last_stage)
         return seen->rms_step < s->finest_rest * seen->step_tolerance ? SCHEDULE_CONVERGED : SCHEDULE_GOES_ON;
-    if (seen->rms_step < stage_step(at, seen->step_tolerance)) return SCHEDULE_CONVERGED;
+    if (seen->rms_step < step) return SCHEDULE_CONVERGED;
     return at->level > 0 || at->sweeps >= s->patience ? SCHEDULE_SWEEPS_SPENT : SCHEDULE_GOES_ON;
 }
 

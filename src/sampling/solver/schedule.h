@@ -43,21 +43,22 @@ typedef struct schedule {
     double longest_step;
 
     /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, rounded down and clamped to
-     * sweeps_least .. sweeps_most, on surfaces with patches to sweeps_least .. sweeps_most_on_patches (with 120, hex_fraction
-     * of meshes at 2 000 points is 0.004 higher, and the time a tenth longer). The paper's criterion and schedule_continued do not use them. A larger
-     * sweeps_fall gives more sweeps, since levels beyond one_sweep_count have sweeps_least. */
+     * sweeps_least .. sweeps_most, on surfaces with patches to sweeps_least .. sweeps_most_on_patches (with
+     * 120, hex_fraction of meshes at 2 000 points is 0.004 higher, and the time a tenth longer). The paper's
+     * criterion and schedule_continued do not use them. A larger sweeps_fall gives more sweeps, since levels
+     * beyond one_sweep_count have sweeps_least. */
     double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most, sweeps_most_on_patches;
     /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least
      * defects_count particles is compared with defects_least and defects_most. Between them the level takes
      * defects_sweeps times as many sweeps, once, but at most defects_sweeps_most more: further sweeps hardly
      * change the result. Above defects_most the surface is not resolved, and more sweeps do not help. With
-     * amplitudes it takes graded_sweeps times as many, without a limit: with 3, hex_fraction of meshes at 30 000
-     * points is 0.005 lower. */
+     * amplitudes it takes graded_sweeps times as many, without a limit: with 3, hex_fraction of meshes at
+     * 30 000 points is 0.005 lower. */
     double defects_count, defects_sweeps, defects_sweeps_most, graded_sweeps, defects_least, defects_most;
 
-    /* If the last stage of a level is repeated after a change of the support, the round begins at the position of
-     * the level's least sweeps after which this fraction of them is left. The particles are packed already: with
-     * 1, hex_fraction of meshes at 2 000 points is at most 0.001 higher. */
+    /* If the last stage of a level is repeated after a change of the support, the round begins at the
+     * position of the level's least sweeps after which this fraction of them is left. The particles are
+     * packed already: with 1, hex_fraction of meshes at 2 000 points is at most 0.001 higher. */
     double repeated_share;
 
     /* Convergence.
@@ -65,6 +66,8 @@ typedef struct schedule {
      *   value; its last stage also requires an rms step below the job's tolerance. 0: all levels are judged
      *   by steps: the last stage of the coarsest level, and a level that will be refined again, end with an
      *   rms step over h below the tolerance, each earlier stage with three times the value of the next one.
+     *   Below a third of the tolerance a level that will be refined ends before its least sweeps. (With half
+     *   of   the tolerance, hex_fraction at 20 000 points is 0.0006 lower.)
      * - finest_rest: the last level ends with an rms step over h below finest_rest times the job's tolerance.
      *   It may exceed 1, because over-relaxed steps are longer than the remaining distance to convergence.
      *   With 1 the coverage of a triangle soup of 1 000 points is a tenth larger; between 1.75 and 7 no
@@ -79,9 +82,9 @@ typedef struct schedule {
      * clamped to skin_narrow .. skin_wide. */
     double skin_wide, skin_narrow, skin_steps;
 
-    /* Amplitudes are renewed before the next sweep, and then each time after one sweep and this fraction of the
-     * sweeps of the level. Each renewal builds lists. With 0.25 instead of 0.5 the multilevel schedule takes
-     * 3 % longer on meshes. */
+    /* Amplitudes are renewed before the next sweep, and then each time after one sweep and this fraction of
+     * the sweeps of the level. Each renewal builds lists. With 0.25 instead of 0.5 the multilevel schedule
+     * takes 3 % longer on meshes. */
     double renewal_share;
 
     /* The coarsest level is dropped if more than this fraction of its particles has divergent neighbour
