@@ -206,7 +206,9 @@ static bool points_have_converged(const solver *s, const schedule_position *at)
         s->state.regime->is_under_resolved)
         return true;
     const double most = s->setup.params.step_tolerance * (s->state.is_tightened ? TIGHTENED : 1);
-    return !(solver_steps_left(s, true).without_kinks > most);
+    /* the steps of the least sweeps are long everywhere: they do not show which particles are on kinks */
+    const bool watch = at->sweeps > schedule_least_sweeps(s->state.regime->schedule, at);
+    return !(solver_steps_left(s, watch).without_kinks > most);
 }
 
 /* Records a sweep. */
