@@ -69,10 +69,12 @@ typedef struct candidates {
     size_t count, capacity;
     int32_t *x, *y, *z;
     float *size;
-    uint32_t *item;
+    uint32_t *item, *label;
 } candidates;
 
-typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, float cutoff2,
+/* Finds the candidates that are neighbours of point i; with labels, those that have its label. Returns their
+ * number. */
+typedef size_t (*finder)(const candidates *s, neighbours_place own, uint32_t i, uint32_t label, float cutoff2,
                          uint32_t *found);
 
 /* The cells of a block, and the number of its first bin. */
@@ -154,31 +156,37 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
 #define pack_avx512 pack
 #endif
 
-/* Finds the candidates that are neighbours of point i. Returns their number. */
-#define VERSION(name, target, pack)                                                                 \
-    target static size_t name(const candidates *s, neighbours_place own, uint32_t i, float cutoff2, \
-                              uint32_t *found)                                                      \
-    {                                                                                               \
-        size_t count = 0;                                                                           \
-        for (size_t b = 0; b < s->count; b += LANES) {                                              \
-            uint32_t hit[LANES];                                                                    \
-            for (int l = 0; l < LANES; l++) {                                                       \
-                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),           \
-                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);  \
-                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i); \
-            }                                                                                       \
-            count = pack(hit, s->item + b, count, found);                                           \
-        }                                                                                           \
-        return count;                                                                               \
+#define VERSION(name, target, pack, with_labels)                                                     \
+    target static size_t name(const candidates *s, neighbours_place own, uint32_t i, uint32_t label, \
+                              float cutoff2, uint32_t *found)                                        \
+    {                                                                                                \
+        size_t count = 0;                                                                            \
+        (void)label;                                                                                 \
+        for (size_t b = 0; b < s->count; b += LANES) {                                               \
+            uint32_t hit[LANES];                                                                     \
+            for (int l = 0; l < LANES; l++) {                                                        \
+                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),            \
+                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);   \
+                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);  \
+                if (with_labels) hit[l] &= s->label[b + l] == label;                                 \
+            }                                                                                        \
+            count = pack(hit, s->item + b, count, found);                                            \
+        }                                                                                            \
+        return count;                                                                                \
     }
-VERSION(find_portable, , pack)
-VERSION(find_avx2, ISA_TARGET_AVX2, pack_avx2)
-VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512)
+VERSION(find_portable, , pack, false)
+VERSION(find_avx2, ISA_TARGET_AVX2, pack_avx2, false)
+VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512, false)
+VERSION(find_labelled_portable, , pack, true)
+VERSION(find_labelled_avx2, ISA_TARGET_AVX2, pack_avx2, true)
+VERSION(find_labelled_avx512, ISA_TARGET_AVX512, pack_avx512, true)
 
-static finder best_finder(void)
+static finder best_finder(bool with_labels)
 {
-    static const finder versions[ISA_COUNT] = {find_portable, find_avx2, find_avx512};
-    return versions[isa_best()];
+    static const finder versions[ISA_COUNT][2] = {{find_portable, find_labelled_portable},
+                                                  {find_avx2, find_labelled_avx2},
+                                                  {find_avx512, find_labelled_avx512}};
+    return versions[isa_best()][with_labels];
 }
 
 /* Makes room for `more` candidates, rounded up to whole vectors. */
@@ -191,6 +199,7 @@ static void reserve_candidates(candidates *c, size_t more)
     c->z = mem_resize(c->z, c->capacity * sizeof *c->z);
     c->size = mem_resize(c->size, c->capacity * sizeof *c->size);
     c->item = mem_resize(c->item, c->capacity * sizeof *c->item);
+    c->label = mem_resize(c->label, c->capacity * sizeof *c->label);
 }
 
 static void free_candidates(candidates *c)
@@ -200,6 +209,7 @@ static void free_candidates(candidates *c)
     free(c->z);
     free(c->size);
     free(c->item);
+    free(c->label);
 }
 
 /* Appends the points of a cell's bin, if it has one. */
@@ -215,12 +225,14 @@ static void add_bin(const neighbours *n, candidates *c, const block_cells *block
         c->y[c->count] = p->y;
         c->z[c->count] = p->z;
         c->size[c->count] = p->size;
+        if (n->label) c->label[c->count] = n->label[n->bin_item[b]];
         c->item[c->count++] = n->bin_item[b];
     }
 }
 
 /* Appends the points `begin` .. `end` of `from`, in whole vectors. */
-ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t end, candidates *to)
+ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t end, bool with_labels,
+                                 candidates *to)
 {
     for (size_t b = begin; b < end; b += LANES) {
         const size_t at = to->count + b - begin;
@@ -229,6 +241,7 @@ ISA_CLONES static void add_range(const candidates *from, size_t begin, size_t en
         memcpy(to->z + at, from->z + b, LANES * sizeof *to->z);
         memcpy(to->size + at, from->size + b, LANES * sizeof *to->size);
         memcpy(to->item + at, from->item + b, LANES * sizeof *to->item);
+        if (with_labels) memcpy(to->label + at, from->label + b, LANES * sizeof *to->label);
     }
     to->count += end - begin;
 }
@@ -345,17 +358,8 @@ static void search_gathered(list_search *s)
             const int z = (int)(s->at.at[2] & mask) + k, y = (int)(s->at.at[1] & mask) + j;
             const uint32_t *row = s->cell_begin + (z * WIDE_BLOCK + y) * WIDE_BLOCK + (s->at.at[0] & mask);
             reserve_candidates(&s->near, row[3] - row[0] + LANES);
-            add_range(&s->all, row[0], row[3], &s->near);
+            add_range(&s->all, row[0], row[3], s->n->label, &s->near);
         }
-}
-
-/* Keeps the neighbours with the label of point i. Returns their number. */
-static size_t keep_label(const uint32_t *label, uint32_t i, size_t count, uint32_t *found)
-{
-    size_t kept = 0;
-    for (size_t k = 0; k < count; k++)
-        if (label[found[k]] == label[i]) found[kept++] = found[k];
-    return kept;
 }
 
 /* Makes the lists of the points of the current bin; positions are relative to the lists of the block.
@@ -374,6 +378,7 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     for (; c->count % LANES; c->count++) { /* fill the last vector with points that are never neighbours */
         c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
         c->item[c->count] = UINT32_MAX;
+        c->label[c->count] = 0;
         c->size[c->count] = NAN;
     }
     size_t longest = 0;
@@ -384,8 +389,8 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
             s->entry_capacity = 2 * (begin + c->count + LANES);
             s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
         }
-        size_t count = find(c, n->place[i], i, (float)(cutoff * cutoff), s->entry + begin);
-        if (n->label) count = keep_label(n->label, i, count, s->entry + begin);
+        const uint32_t label = n->label ? n->label[i] : 0;
+        size_t count = find(c, n->place[i], i, label, (float)(cutoff * cutoff), s->entry + begin);
         n->list_begin[i] = (uint32_t)begin;
         n->list_count[i] = (uint32_t)count;
         s->entries += count;
@@ -479,7 +484,7 @@ static void check_lists(const neighbours *n)
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
     size_t workers = (size_t)threads_count(pool);
-    build_job job = {.n = n, .find = best_finder()};
+    build_job job = {.n = n, .find = best_finder(n->label)};
     if (!(job.searches = mem_array(workers, sizeof *job.searches, "neighbour lists", e))) return false;
     threads_run(pool, n->blocks, 1, list_chunk, &job);
     n->longest = atomic_load(&job.longest);
