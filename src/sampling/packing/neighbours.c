@@ -163,13 +163,15 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
         size_t count = 0;                                                                            \
         (void)label;                                                                                 \
         for (size_t b = 0; b < s->count; b += LANES) {                                               \
-            uint32_t hit[LANES];                                                                     \
+            uint32_t hit[LANES], any = 0;                                                            \
             for (int l = 0; l < LANES; l++) {                                                        \
                 float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),            \
                       z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);   \
                 hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);  \
                 if (with_labels) hit[l] &= s->label[b + l] == label;                                 \
+                any |= hit[l];                                                                       \
             }                                                                                        \
+            if (with_labels && !any) continue;                                                       \
             count = pack(hit, s->item + b, count, found);                                            \
         }                                                                                            \
         return count;                                                                                \
