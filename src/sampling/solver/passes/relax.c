@@ -53,15 +53,30 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     for (size_t k = 0; k < general_count; k++) relax_update_particle(job, worker, general[k], sums);
 }
 
-/* Moves the points `at` .. `end` - 1 of `bin_item` in independent sets, with prefetching. */
+/* Prefetches the data of the points of the next set. They lie in other bins than those of the current set. */
+ISA_INLINE void prefetch_set(const sweep_job *job, uint32_t at, uint32_t end)
+{
+    const neighbours *near = job->r->near;
+    for (uint32_t k = at; k < at + INDEPENDENT_SET_MOST && k < end; k++) {
+        const uint32_t i = independent_sets_point(near, k);
+        __builtin_prefetch(neighbours_list(near, i));
+        __builtin_prefetch(&near->place[i], 1);
+        __builtin_prefetch(&job->p->position[i], 1);
+        __builtin_prefetch(&job->p->normal[i], 1);
+        __builtin_prefetch(&job->r->moved[i], 1);
+    }
+}
+
+/* Moves the points `at` .. `end` - 1 of `bin_item` in independent sets. */
 static void sweep_sets(const sweep_job *job, int worker, uint32_t at, uint32_t end, block_sums *sums)
 {
     const neighbours *near = job->r->near;
     uint32_t items[INDEPENDENT_SET_MOST];
     while (at < end) {
         const uint32_t count = independent_sets_next(near, at, items);
-        sweep_set(job, worker, items, count, sums);
         at += count;
+        prefetch_set(job, at, end);
+        sweep_set(job, worker, items, count, sums);
     }
 }
 
