@@ -99,14 +99,14 @@ static void add_side(const partition *part, uint32_t at, uint32_t other, double 
     out->growth2 += (float)(growth * growth);
 }
 
-void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out)
+void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out, double *area)
 {
     const voronoi_sites sites = sites_of(part);
     voronoi_star star;
     *out = (planar_cell){.certain = false};
     if ((part->flags && part->flags[at]) || !voronoi_star_planar(&sites, at, &BOUNDS, &star)) return;
     neighbour around[VORONOI_PLANAR_MAX];
-    double length[VORONOI_PLANAR_MAX] = {0}, area = 0, bend = 0, farthest = 0;
+    double length[VORONOI_PLANAR_MAX] = {0}, sum = 0, bend = 0, farthest = 0;
     const vec3 normal = part->normal[at];
     for (uint32_t k = 0; k < star.count; k++) {
         neighbour *n = &around[k];
@@ -117,7 +117,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     for (uint32_t k = 0; k < star.count; k++) {
         const uint32_t next = k + 1 < star.count ? k + 1 : 0;
         const share s = share_of(normal, &around[k], &around[next]);
-        area += s.area;
+        sum += s.area;
         bend += fabs(s.bend);
         length[k] += s.side[0];
         length[next] += s.side[1];
@@ -135,8 +135,8 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     out->straight = (float)(straight - PLANAR_STRAIGHT);
     out->certain = true;
     out->degree = (uint8_t)star.count;
-    out->area = area;
-    out->bend = (float)bend;
+    *area = sum;
+    out->bend = (uint16_t)ceil(PLANAR_BEND * fmin(bend / sum, 1));
     out->farthest = (float)farthest;
 }
 

@@ -176,9 +176,9 @@ static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)
 {
     facing best = FACING_NONE;
     if (s->patch_labels && n->patch == FACETS_MIXED) return FACING_SOME;
-    for (uint32_t k = s->side[i]; k < s->side[i + 1]; k++) {
-        if (s->one_sided[k]) return FACING_ALL;
-        const double c = sites_cosine(s, k, n->axis, n->patch == FACETS_MIXED ? s->patch[k] : n->patch);
+    for (uint32_t k = sites_first(s, i); k < sites_end(s, i); k++) {
+        if (sites_is_one_sided(s, k)) return FACING_ALL;
+        const double c = sites_cosine(s, k, n->axis, n->patch == FACETS_MIXED ? sites_patch(s, k) : n->patch);
         if (c > n->all) return FACING_ALL;
         if (c >= n->none) best = FACING_SOME;
     }
@@ -199,7 +199,7 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
     *certain = n->piece != FACETS_MIXED;
     for (size_t k = 0; k < from->count; k++) {
         const uint32_t i = given[k];
-        if (n->piece != FACETS_MIXED && s->piece[i] != n->piece) continue;
+        if (n->piece != FACETS_MIXED && sites_piece(s, i) != n->piece) continue;
         const double distance = vec3_norm(vec3_sub(s->position[i], n->centre));
         if (distance > facing_all + 2 * n->radius) continue;
         const facing at = facing_at_node(s, &turn, i);
@@ -557,7 +557,7 @@ static bool visit_part(descent *d, const part *t, int changed, size_t from, size
 
 static bool is_candidate(const sites *s, uint32_t i, const facet *t)
 {
-    return s->piece[i] == t->piece && sites_facing(s, i, t->normal, t->patch) > SITES_OPPOSITE;
+    return sites_piece(s, i) == t->piece && sites_facing(s, i, t->normal, t->patch) > SITES_OPPOSITE;
 }
 
 typedef struct collection {
@@ -873,11 +873,11 @@ static bool table_add(side_table *t, const voronoi_side *s, error *e)
     return true;
 }
 
-static bool settle_task(task *t, restricted_voronoi *out, side_table *table, error *e)
+static bool settle_task(task *t, double *area, restricted_voronoi *out, side_table *table, error *e)
 {
     bool ok = !t->failed;
     if (!ok && e) *e = t->why;
-    for (size_t k = 0; ok && k < t->area_count; k++) out->area[t->area[k].site] += t->area[k].area;
+    for (size_t k = 0; ok && k < t->area_count; k++) area[t->area[k].site] += t->area[k].area;
     for (size_t k = 0; ok && k < t->side_count; k++) ok = table_add(table, &t->side[k], e);
     out->missing += t->missing;
     free(t->area);
@@ -901,10 +901,15 @@ static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
     return count + divide(f, n->right, most, out + count);
 }
 
-static size_t count_wanted(const sites *s, const planar_cell *known)
+/* Counts the cells to be computed, and sets their areas to 0. */
+static size_t begin_areas(const sites *s, const planar_cell *known, double *area)
 {
     size_t wanted = 0;
-    for (size_t i = 0; i < s->count; i++) wanted += !known || !known[i].certain;
+    for (size_t i = 0; i < s->count; i++) {
+        if (known && known[i].certain) continue;
+        area[i] = 0;
+        wanted++;
+    }
     return wanted;
 }
 
@@ -922,18 +927,17 @@ bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double
 }
 
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
-                              restricted_voronoi *out, error *e)
+                              double *area, restricted_voronoi *out, error *e)
 {
     const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
-    const size_t cells = count_wanted(s, wanted->known), parts = cells / POINTS_OF_TASK + 1,
+    const size_t cells = begin_areas(s, wanted->known, area), parts = cells / POINTS_OF_TASK + 1,
                  most = f->item_count / (parts < TASKS ? parts : TASKS) + 1;
     side_table table = {0};
     double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);
     task *all = mem_array(4 * TASKS, sizeof *all, what, e);
     *out = (restricted_voronoi){0};
-    out->area = mem_array(s->count, sizeof *out->area, what, e);
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * cells, e);
+    bool ok = farthest && out->farthest && all && table_init(&table, 3 * cells, e);
     const size_t tasks = ok && f->item_count > 0 ? divide(f, 0, most, all) : 0;
     build_job job = {f, s, wanted, cells, all, farthest, out->farthest};
     const size_t at_once = TASKS_OF_THREAD * workers;
@@ -942,7 +946,8 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
         const size_t count = tasks - k < at_once ? tasks - k : at_once;
         job.task = all + k;
         if (ok) threads_run(pool, count, 1, run_tasks, &job);
-        for (size_t i = 0; i < count; i++) ok = settle_task(&all[k + i], out, &table, ok ? e : NULL) && ok;
+        for (size_t i = 0; i < count; i++)
+            ok = settle_task(&all[k + i], area, out, &table, ok ? e : NULL) && ok;
     }
     for (size_t w = 0; ok && w < workers; w++)
         for (size_t p = 0; p < patches; p++)
@@ -957,7 +962,6 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
 
 void restricted_voronoi_free(restricted_voronoi *v)
 {
-    free(v->area);
     free(v->side);
     free(v->farthest);
     *v = (restricted_voronoi){0};
