@@ -664,8 +664,45 @@ size_t facets_nearest(const facets *f, vec3 x)
     return s.found;
 }
 
+/* Finds an item whose sphere is nearer to x than `reach` and that is not of the piece `except`. */
+static bool find_sphere(const facets *f, vec3 x, double reach, uint32_t except, size_t *found)
+{
+    uint32_t stack[DEEPEST];
+    int top = 0;
+    if (f->item_count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const facets_node *n = &f->node[stack[--top]];
+        if (n->piece == except || distance_to_sphere(n->centre, n->radius, x) >= reach) continue;
+        if (n->right > 0) {
+            top = push_children(f, n, x, stack, top);
+            continue;
+        }
+        for (size_t k = n->begin; k < n->end; k++) {
+            double radius;
+            const vec3 centre = item_sphere(f, f->item[k], &radius);
+            if (facets_piece(f, k) == except || distance_to_sphere(centre, radius, x) >= reach) continue;
+            *found = k;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The piece of an item whose sphere contains x, if no item of another piece can be nearer. */
+static bool find_only_piece(const facets *f, vec3 x, uint32_t *piece)
+{
+    size_t found, other;
+    double radius;
+    if (!find_sphere(f, x, 0, NO_PIECE, &found)) return false;
+    *piece = facets_piece(f, found);
+    item_sphere(f, f->item[found], &radius);
+    return !find_sphere(f, x, 2 * radius, *piece, &other);
+}
+
 uint32_t facets_nearest_piece(const facets *f, vec3 x)
 {
+    uint32_t only;
+    if (find_only_piece(f, x, &only)) return only;
     item_search s = search_at(f, x);
     if (isfinite(s.nearest)) { /* most places are nearer to this item than to any item of other pieces */
         item_search others = s;
