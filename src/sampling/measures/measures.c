@@ -15,7 +15,7 @@
 
 /* Sides shorter than this, in spacings, are ignored: they are rounding errors at a corner where four cells
  * meet. */
-static const double LEAST_SIDE = 1e-4;
+static const double LEAST_SIDE = 1e-6;
 /* Tolerance, in spacings, for points on an edge or a vertex. */
 static const double ON_EDGE = 1e-6;
 /* Minimum ratio of the largest to the smallest requested spacing for which the slope of local against
@@ -188,7 +188,7 @@ static void set_piece(const measures_input *in, const facets *f, uint32_t i, poi
     const size_t at = facets_nearest(f, in->position[i]);
     if (t->piece) t->piece[i] = facets_piece(f, at);
     facet triangle[FIELD_CELL_TRIANGLES];
-    facets_expand(f, at, false, triangle);
+    facets_expand(f, at, triangle);
     t->own_normal[first_side(t, i)] = triangle[0].normal;
 }
 

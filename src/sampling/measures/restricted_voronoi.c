@@ -19,7 +19,7 @@ enum { PROBES_OF_POINT = 2 };
  * is quadratic in their number. */
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
-static const double LEAST_PART = 1e-4;
+static const double LEAST_PART = 1e-6;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 3;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
@@ -27,6 +27,8 @@ static const double SMALL = 3;
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Maximum corners of a clipped triangle: three, one for each bisector, and one for each face of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
+/* Cells with less than this fraction of a triangle are rounding errors. */
+static const double LEAST_AREA = 1e-13;
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
 static const double MARGIN = 1e-9;
 /* Marks an edge of the triangle itself, instead of the index of the point beyond a bisector. */
@@ -424,7 +426,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
-    if (area <= MARGIN * t->of->area * LEAST_PART)
+    if (area <= LEAST_AREA * t->of->area)
         return true; /* the edge lies in a bisector: the adjacent triangle has the side */
     if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
@@ -662,18 +664,22 @@ static bool visit_large_part(descent *d, const part *t)
            visit_candidates(d, t, base, centroid, at.radius, reach);
 }
 
-/* Processes a triangle. `from` NULL: there are no candidates yet. */
-static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
+/* Processes a triangle. `certain`: all candidates are of its piece and not on an opposite wall. */
+static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre, bool certain)
 {
     const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
-    if (!from) return visit_large_part(d, &whole);
     const vec3 centroid = field_triangle_middle(t->corner);
     const size_t base = d->top;
     if (!reserve(d, from->count)) return false;
-    for (size_t k = 0; k < from->count; k++)
-        if (is_candidate(d->s, d->list[from->first + k], t)) d->list[d->top++] = d->list[from->first + k];
+    for (size_t k = from->first; k < from->first + from->count; k++)
+        if (certain || is_candidate(d->s, d->list[k], t)) d->list[d->top++] = d->list[k];
     const double complete = from->complete - vec3_norm(vec3_sub(centroid, from_centre));
     return visit_candidates(d, &whole, base, centroid, part_radius(&whole, centroid), complete);
+}
+
+static bool visit_large_triangle(descent *d, const facet *t)
+{
+    return visit_large_part(d, &(part){{t->corner[0], t->corner[1], t->corner[2]}, t});
 }
 
 /* ---- nodes */
@@ -702,6 +708,24 @@ static bool is_in_one_cell(const descent *d, const candidates *from, const facet
     return sqrt(second2) > (sqrt(nearest2) + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest2);
 }
 
+/* Processes the triangles of an item with candidates. */
+static bool visit_triangles(descent *d, size_t k, const facets_item *item, const candidates *from,
+                            vec3 from_centre)
+{
+    facet t[FIELD_CELL_TRIANGLES];
+    const int triangles = facets_expand(d->f, k, t);
+    if (triangles == 0) return true;
+    const size_t base = d->top;
+    const facets_node around = facets_bound_triangles(item, triangles, t);
+    candidates own;
+    bool certain;
+    if (!choose_candidates(d, &around, from, from_centre, &own, &certain)) return false;
+    bool ok = true;
+    for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], &own, item->centre, certain);
+    d->top = base;
+    return ok;
+}
+
 static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_centre, bool certain)
 {
     const facets_item item = facets_item_at(d->f, k);
@@ -709,10 +733,27 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
     if (certain && is_in_one_cell(d, from, &item, &site) &&
         is_covered(d, item.patch, item.centre, item.radius, site))
         return (d->known && d->known[site].certain) || add_area(d, site, item.area);
-    facet t[FIELD_CELL_TRIANGLES];
-    const int triangles = facets_expand(d->f, k, !from, t);
+    return visit_triangles(d, k, &item, from, from_centre);
+}
+
+/* Processes an item without candidates. */
+static bool visit_single_item(descent *d, size_t k)
+{
+    const facets_item item = facets_item_at(d->f, k);
+    const surroundings at = surroundings_at(d, item.centre, item.radius);
+    if (!voronoi_reaches(d->wanted, item.centre, item.radius, at.nearest)) return true;
     bool ok = true;
-    for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], from, from_centre);
+    if (at.radius <= SMALL * at.spacing) {
+        const size_t base = d->top;
+        const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+        ok = collect_within(d, item.centre, reach, NULL) &&
+             visit_triangles(d, k, &item, &(candidates){base, d->top - base, reach}, item.centre);
+        d->top = base;
+        return ok;
+    }
+    facet t[FIELD_CELL_TRIANGLES];
+    const int triangles = facets_expand(d->f, k, t);
+    for (int i = 0; ok && i < triangles; i++) ok = visit_large_triangle(d, &t[i]);
     return ok;
 }
 
@@ -754,7 +795,7 @@ static bool visit_node(descent *d, uint32_t node)
     } else if (n->right > 0)
         ok = visit_node(d, node + 1) && visit_node(d, n->right);
     else
-        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, NULL, n->centre, false);
+        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_single_item(d, k);
     return ok;
 }
 
@@ -771,7 +812,7 @@ static bool is_in_domain(const facets *f, vec3 x)
 static void probe_item(const build_job *job, size_t k, double *known)
 {
     facet t[FIELD_CELL_TRIANGLES];
-    if (facets_expand(job->f, k, false, t) == 0) return;
+    if (facets_expand(job->f, k, t) == 0) return;
     const vec3 middle = field_triangle_middle(t[0].corner);
     double *most = &known[t[0].patch];
     if (!(distance_at(job->s, middle) > *most) || !is_in_domain(job->f, middle)) return;
