@@ -689,9 +689,10 @@ static bool find_sphere(const facets *f, vec3 x, double reach, uint32_t except, 
             continue;
         }
         for (size_t k = n->begin; k < n->end; k++) {
+            if (facets_piece(f, k) == except) continue;
             double radius;
             const vec3 centre = item_sphere(f, f->item[k], &radius);
-            if (facets_piece(f, k) == except || distance_to_sphere(centre, radius, x) >= reach) continue;
+            if (distance_to_sphere(centre, radius, x) >= reach) continue;
             *found = k;
             return true;
         }

@@ -13,15 +13,15 @@
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks per thread whose records are in memory at the same time. */
 enum { TASKS_OF_THREAD = 4 };
-/* Maximum number of items per point at which distances are bounded from below before the tasks start. */
-enum { PROBES_OF_POINT = 2 };
+/* At one item for each POINTS_OF_PROBE points, distances are bounded from below before the tasks start. */
+enum { POINTS_OF_PROBE = 4 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: the cost of clipping
  * is quadratic in their number. */
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
 static const double LEAST_PART = 1e-6;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
-static const double SMALL = 3;
+static const double SMALL = 2;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
@@ -822,7 +822,7 @@ static void probe_item(const build_job *job, size_t k, double *known)
 
 static size_t probe_count(const build_job *job)
 {
-    const size_t most = PROBES_OF_POINT * job->cells;
+    const size_t most = job->cells / POINTS_OF_PROBE + 1;
     return job->f->item_count < most ? job->f->item_count : most;
 }
 
