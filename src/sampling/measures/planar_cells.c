@@ -5,9 +5,20 @@
 
 #include "sampling/voronoi/voronoi.h"
 
-/* See planar_cells.h. With the cosine 0.9 and the edge 0.225 of the solver, half as many cells of strongly bent
- * surfaces are certain. */
-static const voronoi_planar_bounds BOUNDS = {.cosine = 0.8, .edge = 0.1, .near_only = true};
+/* See planar_cells.h. The error of a polygon grows with the square of the angle between the normals: half of 1
+ * minus the cosine is the bound of the edge. With the cosine 0.9 and the edge 0.225 of the solver, half as many
+ * cells of strongly bent surfaces are certain. */
+static const voronoi_planar_bounds BOUNDS[] = {{.cosine = 0.8, .edge = 0.1, .near_only = true},
+                                               {.cosine = 0.95, .edge = 0.025, .near_only = true},
+                                               {.cosine = 0.99, .edge = 0.005, .near_only = true}};
+
+static bool find_star(const voronoi_sites *sites, uint32_t at, voronoi_star *out)
+{
+    bool found = false;
+    for (size_t k = 0; !found && k < sizeof BOUNDS / sizeof *BOUNDS; k++)
+        found = voronoi_star_planar(sites, at, &BOUNDS[k], out);
+    return found;
+}
 
 static voronoi_sites sites_of(const partition *part)
 {
@@ -104,7 +115,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
     const voronoi_sites sites = sites_of(part);
     voronoi_star star;
     *out = (planar_cell){.certain = false};
-    if ((part->flags && part->flags[at]) || !voronoi_star_planar(&sites, at, &BOUNDS, &star)) return;
+    if ((part->flags && part->flags[at]) || !find_star(&sites, at, &star)) return;
     neighbour around[VORONOI_PLANAR_MAX];
     double length[VORONOI_PLANAR_MAX] = {0}, sum = 0, bend = 0, farthest = 0;
     const vec3 normal = part->normal[at];
@@ -145,7 +156,7 @@ double planar_cell_mean(const partition *part, uint32_t at, const double *value)
     const voronoi_sites sites = sites_of(part);
     voronoi_star star;
     double sum = value[part->index[at]];
-    if (!voronoi_star_planar(&sites, at, &BOUNDS, &star)) return sum;
+    if (!find_star(&sites, at, &star)) return sum;
     for (uint32_t k = 0; k < star.count; k++) sum += value[part->index[star.point[k]]];
     return sum / (1 + star.count);
 }

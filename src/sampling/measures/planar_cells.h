@@ -7,7 +7,8 @@
  *   one piece, with one oriented normal;
  * - the normals of the points that can bound the cell differ from its own by less than 37 degrees;
  * - each of its sides is longer than 0.1 spacings, and every other point misses the cell by as much, so that
- *   both points of a side, and both cells, agree;
+ *   both points of a side, and both cells, agree; where the normals differ by less than 18 (8) degrees, 0.025
+ *   (0.005) spacings;
  * - all its corners are nearer than PLANAR_CELLS_FARTHEST: no hole is near.
  * Areas, sides and distances are those on the surface: the neighbours' normals give its bend to second order.
  * World units. Any thread, for different points.
