@@ -77,7 +77,7 @@ static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, do
 
 /* A pair of points, from the partition's copies. */
 typedef struct pair {
-    double distance, facing;
+    double square, facing; /* `square`: of the distance */
 } pair;
 
 static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
@@ -85,7 +85,7 @@ static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
     const partition *p = job->part;
     const sites *s = job->in->sites;
     const bool plain = !s->patch_labels && (!p->flags || !(p->flags[at] | p->flags[other]));
-    return (pair){vec3_norm(vec3_sub(p->position[at], p->position[other])),
+    return (pair){vec3_norm2(vec3_sub(p->position[at], p->position[other])),
                   plain ? vec3_dot(p->normal[at], p->normal[other])
                         : sites_facing_pair(s, p->index[at], p->index[other])};
 }
@@ -96,26 +96,31 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     const sites *s = in->sites;
     const partition *part = job->part;
     const uint32_t i = part->index[at], *list = neighbours_list(part->near, at);
-    const double h = part->spacing[at], support = packing_support(in->sized ? h : in->h);
+    const double h = part->spacing[at], support = packing_support(in->sized ? h : in->h),
+                 per_support2 = 1 / (support * support), per_h = 1 / h;
     energy_batch b;
-    double nearest = INFINITY, gap = INFINITY;
+    double nearest2 = INFINITY, gap = INFINITY;
     b.count = 0;
     b.energy = 0;
     for (uint32_t k = 0; k < part->near->list_count[at]; k++) {
         const uint32_t j = part->index[list[k]];
         const pair p = pair_at(job, at, list[k]);
-        const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean / h;
+        const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean * per_h;
         const bool together = sites_piece(s, i) == sites_piece(s, j);
         if (!(p.facing > SITES_OPPOSITE)) {
-            gap = fmin(gap, wall_gap(in, i, j, p.distance, mean));
+            gap = fmin(gap, wall_gap(in, i, j, sqrt(p.square), mean));
         } else if (together && !(in->kept && in->kept[i] && in->kept[j])) {
-            nearest = p.distance < nearest * mean ? p.distance / mean : nearest;
+            if (p.square < nearest2 * mean * mean) nearest2 = p.square / (mean * mean);
         }
         if (p.facing <= VORONOI_OPPOSITE_COSINE || !together) continue;
-        const double u = p.distance / (support * (in->sized ? size : 1));
-        add_pair(&b, u * u, in->sized ? size * size : 1);
+        const double u2 = p.square * per_support2;
+        if (in->sized)
+            add_pair(&b, u2 / (size * size), size * size);
+        else
+            add_pair(&b, u2, 1);
     }
     sum_batch(&b);
+    const double nearest = sqrt(nearest2);
     sums->nearest = fmin(sums->nearest, nearest);
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
