@@ -24,6 +24,14 @@ def test_both_ways_give_the_same_measures(build, tmp_path, name, certain):
     assert not wrong and abs(found["certain"]["disorder"] - found["exact"]["disorder"]) < 0.002
 
 
+@pytest.mark.parametrize("sampling", [{"count": 3000}, *({"count": count, "pattern": "blue_noise"} for count in (1500, 2000, 2500))])
+def test_the_degrees_of_points_on_a_torus_add_up_to_its_euler_characteristic(build, tmp_path, sampling):
+    found, why = two_ways.measured(build / "hexad-two-ways", two_ways.TORUS, sampling, tmp_path)
+    assert found, why
+    assert found["certain"]["euler"] == pytest.approx(0, abs=1e-9)
+    assert found["exact"]["euler"] == pytest.approx(0, abs=1e-9)
+
+
 def test_a_difference_beyond_its_bound_is_named():
     same = {name: 0.5 for name in two_ways.BOUNDS} | {"outcome": "converged"}
     other = same | {"coverage": 0.53, "outcome": "unresolved"}

@@ -500,11 +500,11 @@ static int item_corners(const facets *f, uint32_t item, bool exact, vec3 out[FIE
     return 1;
 }
 
-int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES])
+int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
 {
     const uint32_t item = f->item[k];
     vec3 corner[FIELD_CELL_TRIANGLES][3];
-    const int count = item_corners(f, item, exact, corner);
+    const int count = item_corners(f, item, true, corner);
     int kept = 0;
     const uint32_t patch = patch_of_item(f, item), piece = piece_of_item(f, item);
     for (int t = 0; t < count; t++) {
@@ -521,6 +521,17 @@ int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TR
         if (f->face_normal) to->normal = oriented(f, k, patch, corner[t], to->normal);
     }
     return kept;
+}
+
+facets_node facets_bound_triangles(const facets_item *item, int count, const facet *t)
+{
+    facets_node n = {
+        .centre = item->centre, .radius = item->radius, .piece = t[0].piece, .patch = t[0].patch};
+    vec3 sum = {0, 0, 0};
+    for (int k = 0; k < count; k++) sum = vec3_add(sum, t[k].normal);
+    set_axis(&n, sum);
+    for (int k = 0; k < count; k++) widen_angle(&n, t[k].normal, 0);
+    return n;
 }
 
 /* Moves x onto the surface of a scan. False, x unchanged: Newton's method finds no place within `reach`. */
@@ -664,8 +675,46 @@ size_t facets_nearest(const facets *f, vec3 x)
     return s.found;
 }
 
+/* Finds an item whose sphere is nearer to x than `reach` and that is not of the piece `except`. */
+static bool find_sphere(const facets *f, vec3 x, double reach, uint32_t except, size_t *found)
+{
+    uint32_t stack[DEEPEST];
+    int top = 0;
+    if (f->item_count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const facets_node *n = &f->node[stack[--top]];
+        if (n->piece == except || distance_to_sphere(n->centre, n->radius, x) >= reach) continue;
+        if (n->right > 0) {
+            top = push_children(f, n, x, stack, top);
+            continue;
+        }
+        for (size_t k = n->begin; k < n->end; k++) {
+            if (facets_piece(f, k) == except) continue;
+            double radius;
+            const vec3 centre = item_sphere(f, f->item[k], &radius);
+            if (distance_to_sphere(centre, radius, x) >= reach) continue;
+            *found = k;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The piece of an item whose sphere contains x, if no item of another piece can be nearer. */
+static bool find_only_piece(const facets *f, vec3 x, uint32_t *piece)
+{
+    size_t found, other;
+    double radius;
+    if (!find_sphere(f, x, 0, NO_PIECE, &found)) return false;
+    *piece = facets_piece(f, found);
+    item_sphere(f, f->item[found], &radius);
+    return !find_sphere(f, x, 2 * radius, *piece, &other);
+}
+
 uint32_t facets_nearest_piece(const facets *f, vec3 x)
 {
+    uint32_t only;
+    if (find_only_piece(f, x, &only)) return only;
     item_search s = search_at(f, x);
     if (isfinite(s.nearest)) { /* most places are nearer to this item than to any item of other pieces */
         item_search others = s;
@@ -745,7 +794,7 @@ void facets_corner_at(const facets *f, vec3 x, double tolerance, facets_corner *
         }
         for (size_t k = n->begin; k < n->end; k++) {
             facet t[FIELD_CELL_TRIANGLES];
-            const int count = facets_expand(f, k, false, t);
+            const int count = facets_expand(f, k, t);
             for (int i = 0; i < count; i++) add_face(&t[i], x, tolerance, &fan, &out->angle);
         }
     }

@@ -91,10 +91,11 @@ facets_item facets_item_at(const facets *f, size_t k);
 size_t facets_total(const facets *f);
 facets_item facets_any_item(const facets *f, size_t k, uint32_t *piece);
 
-/* Computes the triangles with area of the item at place k of the order; returns their number. `exact`: the
- * corners of the triangles of a grid cell lie on the surface. Otherwise they are computed for F that is
- * linear between the corners of the cell, which takes less time. */
-int facets_expand(const facets *f, size_t k, bool exact, facet out[FIELD_CELL_TRIANGLES]);
+/* Computes the triangles with area of the item at place k of the order; returns their number. */
+int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES]);
+
+/* A node for the triangles of one item, with their normals. */
+facets_node facets_bound_triangles(const facets_item *item, int count, const facet *t);
 
 /* Returns the place of the surface for a place x of a triangle. For a mesh it is x. The triangles of a scan
  * are near the surface: then it is found by Newton's method, or by bisection towards a corner of the cell. */

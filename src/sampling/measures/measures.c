@@ -15,7 +15,7 @@
 
 /* Sides shorter than this, in spacings, are ignored: they are rounding errors at a corner where four cells
  * meet. */
-static const double LEAST_SIDE = 1e-4;
+static const double LEAST_SIDE = 1e-6;
 /* Tolerance, in spacings, for points on an edge or a vertex. */
 static const double ON_EDGE = 1e-6;
 /* Minimum ratio of the largest to the smallest requested spacing for which the slope of local against
@@ -34,28 +34,28 @@ static const char what[] = "the measures of the points";
 /* Data of each point. */
 typedef struct point_table {
     size_t count;
-    double *spacing; /* h at each */
+    const double *spacing; /* h at each; the input's, or `own_spacing` */
+    double *own_spacing;
     /* Of each point, or NULL if all points are plain (planar_cells.h): */
     double *ideal; /* angle of the surface over 60 degrees, one more on a border; 2 k + 2 on an edge of k > 2
                     * faces; of a plain point 6 */
     double *share; /* angle of the surface over a full turn; of a plain point 1 */
     bool *border, *fork;
     uint32_t *degree;
-    uint32_t *piece;
-    uint32_t *side;     /* see sites.h */
+    /* See sites.h. `piece` is NULL if there is one piece; `side`, `one_sided` and `patch` are NULL if each point has
+     * one copy without patch and flags. */
+    uint32_t *piece, *side, *patch;
+    bool *one_sided;
     const vec3 *normal; /* of each copy; the input's, or `own_normal` */
     vec3 *own_normal;
-    bool *one_sided;
-    uint32_t *patch; /* per normal */
-    bool *at_wedge;
-    uint8_t *odd;   /* not 0: not plain (planar_cells.h) */
-    double *energy; /* over that of a point in an ideal packing */
-    bool has_odd;   /* one of them is not 0 */
+    uint8_t *odd; /* flags; not 0: not plain (planar_cells.h) */
+    pair_energies energy;
+    bool has_odd; /* one of them is not 0 */
 } point_table;
 
 static void free_table(point_table *t)
 {
-    free(t->spacing);
+    free(t->own_spacing);
     free(t->ideal);
     free(t->share);
     free(t->border);
@@ -66,29 +66,38 @@ static void free_table(point_table *t)
     free(t->own_normal);
     free(t->one_sided);
     free(t->patch);
-    free(t->at_wedge);
     free(t->odd);
-    free(t->energy);
+    free(t->energy.odd);
 }
 
-static bool allocate_table(const measures_input *in, point_table *t, error *e)
+/* Whether each point has one copy, without patch and flags. */
+static bool has_single_copies(const measures_input *in)
+{
+    return !in->copy_point && !in->copy_patch && !in->copy_flags;
+}
+
+static bool allocate_sides(const measures_input *in, point_table *t, error *e)
+{
+    if (has_single_copies(in)) return true;
+    t->side = mem_array(in->count + 1, sizeof *t->side, what, e);
+    t->one_sided = mem_array(in->copy_count, sizeof *t->one_sided, what, e);
+    t->patch = mem_array(in->copy_count, sizeof *t->patch, what, e);
+    return t->side && t->one_sided && t->patch;
+}
+
+static bool allocate_table(const measures_input *in, size_t pieces, point_table *t, error *e)
 {
     const size_t n = in->count;
-    *t = (point_table){.count = n};
-    t->spacing = mem_array(n, sizeof *t->spacing, what, e);
+    *t = (point_table){.count = n, .spacing = in->spacing};
     t->degree = mem_array(n, sizeof *t->degree, what, e);
-    t->piece = mem_array(n, sizeof *t->piece, what, e);
-    t->side = mem_array(n + 1, sizeof *t->side, what, e);
+    if (pieces > 1) t->piece = mem_array(n, sizeof *t->piece, what, e);
     const bool given = in->copy_normal && !in->copy_point; /* in the order of the points */
     if (!given) t->own_normal = mem_array(in->copy_count, sizeof *t->own_normal, what, e);
     t->normal = given ? in->copy_normal : t->own_normal;
-    t->one_sided = mem_array(in->copy_count, sizeof *t->one_sided, what, e);
-    t->patch = mem_array(in->copy_count, sizeof *t->patch, what, e);
-    t->at_wedge = mem_array(n, sizeof *t->at_wedge, what, e);
     t->odd = mem_array(n, sizeof *t->odd, what, e);
-    t->energy = mem_array(n, sizeof *t->energy, what, e);
-    return t->spacing && t->degree && t->piece && t->side && t->normal && t->one_sided && t->patch &&
-           t->at_wedge && t->odd && t->energy;
+    t->energy.odd = mem_array(n, sizeof *t->energy.odd, what, e);
+    return allocate_sides(in, t, e) && t->degree && (pieces == 1 || t->piece) && t->normal && t->odd &&
+           t->energy.odd;
 }
 
 /* ---- the surface at the points */
@@ -108,9 +117,22 @@ static void gather_sides(const measures_input *in, point_table *t)
 {
     const sites_copies copies = {in->copy_count, t->own_normal ? in->copy_normal : NULL, in->copy_point,
                                  in->copy_patch, in->copy_flags};
-    sites_gather(&copies, t->count, t->side, t->own_normal, t->one_sided, t->patch);
-    for (size_t k = 0; k < in->copy_count; k++)
-        t->at_wedge[point_of(in, k)] |= has_flag(in, k, PACKING_AT_WEDGE);
+    if (t->side) sites_gather(&copies, t->count, t->side, t->own_normal, t->one_sided, t->patch);
+}
+
+static uint32_t first_side(const point_table *t, uint32_t i)
+{
+    return t->side ? t->side[i] : i;
+}
+
+static bool has_several_sides(const point_table *t, size_t i)
+{
+    return t->side && t->side[i + 1] != t->side[i] + 1;
+}
+
+static uint32_t piece_of(const point_table *t, size_t i)
+{
+    return t->piece ? t->piece[i] : 0;
 }
 
 typedef struct corner_job {
@@ -145,8 +167,8 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
     const bool mesh = in->surface.triangle_count > 0, on_curve = has_flag(in, i, PACKING_FIXED);
     if (on_curve) facets_corner_at(f, in->position[i], ON_EDGE * in->spacing[i], &c);
     /* triangles of a scan are inexact: a point on two patches may lie on triangles of only one of them */
-    if (!mesh && c.border && t->side[i + 1] > t->side[i] + 1) c = (facets_corner){.angle = 0};
-    if (!mesh) set_cut(in->surface.scan->field, in->position[i], t->normal[t->side[i]], &c);
+    if (!mesh && c.border && has_several_sides(t, i)) c = (facets_corner){.angle = 0};
+    if (!mesh) set_cut(in->surface.scan->field, in->position[i], t->normal[first_side(t, i)], &c);
     const double angle = c.angle > 0 ? c.angle : 2 * M_PI;
     t->share[i] = angle / (2 * M_PI);
     t->border[i] = c.border;
@@ -158,16 +180,16 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
 static void set_piece(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
     if (in->copy_normal) {
-        if (f->piece_count == 1) return; /* the only piece has the number 0 */
+        if (!t->piece) return;
         t->piece[i] = in->copy_patch && f->in.patch_piece ? f->in.patch_piece[in->copy_patch[i]]
                                                           : facets_nearest_piece(f, in->position[i]);
         return;
     }
     const size_t at = facets_nearest(f, in->position[i]);
-    t->piece[i] = facets_piece(f, at);
+    if (t->piece) t->piece[i] = facets_piece(f, at);
     facet triangle[FIELD_CELL_TRIANGLES];
-    facets_expand(f, at, false, triangle);
-    t->own_normal[t->side[i]] = triangle[0].normal;
+    facets_expand(f, at, triangle);
+    t->own_normal[first_side(t, i)] = triangle[0].normal;
 }
 
 static void piece_chunk(void *context, int worker, size_t begin, size_t end)
@@ -184,17 +206,20 @@ static void corner_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) set_corner(job->in, job->f, (uint32_t)i, job->t);
 }
 
+/* Marks a point with several copies, or near a face of the domain; other bits are flags. */
+enum { NOT_PLAIN = 128 };
+
 /* Finds the points whose cells a border, a curve or another patch can bound, and allocates what differs at
  * them. */
 static bool find_odd(const measures_input *in, point_table *t, error *e)
 {
     const field *of = in->surface.triangle_count == 0 ? in->surface.scan->field : NULL;
-    for (size_t k = 0; k < in->copy_count; k++)
-        t->odd[point_of(in, k)] |= has_flag(in, k, PACKING_FIXED | PACKING_ONE_SIDED | PACKING_AT_WEDGE);
+    for (size_t k = 0; in->copy_flags && k < in->copy_count; k++)
+        t->odd[point_of(in, k)] |= in->copy_flags[k];
     for (size_t i = 0; i < in->count; i++)
-        t->odd[i] |=
-            t->side[i + 1] != t->side[i] + 1 ||
-            (of && of->open && packing_is_near_boundary(of->boundary_box, in->position[i], in->spacing[i]));
+        if (has_several_sides(t, i) ||
+            (of && of->open && packing_is_near_boundary(of->boundary_box, in->position[i], in->spacing[i])))
+            t->odd[i] |= NOT_PLAIN;
     for (size_t i = 0; i < in->count; i++) t->has_odd |= t->odd[i] != 0;
     if (!t->has_odd) return true;
     t->ideal = mem_array(in->count, sizeof *t->ideal, what, e);
@@ -259,7 +284,7 @@ static void count_degrees(const voronoi_cells *c, point_table *t)
 
 static double local_spacing(const voronoi_cells *c, const point_table *t, size_t i)
 {
-    const double area = voronoi_cell_area(c, i);
+    const double area = c->area[i];
     return area > 0 ? packing_spacing(area / share_of(t, i), 1) : t->spacing[i];
 }
 
@@ -267,9 +292,8 @@ static double local_spacing(const voronoi_cells *c, const point_table *t, size_t
 static bool take_achieved(const pair_measures_input *pairs, const voronoi_cells *c, threads *pool,
                           point_table *t, error *e)
 {
-    double *local = mem_array(t->count, sizeof *local, what, e),
-           *mean = mem_array(t->count, sizeof *mean, what, e);
-    bool ok = local && mean;
+    double *local = mem_array(t->count, sizeof *local, what, e), *mean = t->own_spacing;
+    bool ok = local != NULL;
     for (size_t i = 0; ok && i < t->count; i++) mean[i] = local[i] = local_spacing(c, t, i);
     if (ok) count_degrees(c, t);
     for (size_t k = 0; ok && k < c->exact.side_count; k++) {
@@ -280,9 +304,8 @@ static bool take_achieved(const pair_measures_input *pairs, const voronoi_cells 
     }
     for (size_t i = 0; ok && i < t->count; i++) mean[i] /= 1 + t->degree[i];
     ok = ok && pair_measures_means(pairs, c->planar, local, pool, mean, e);
-    if (ok) memcpy(t->spacing, mean, t->count * sizeof *mean);
+    t->spacing = mean;
     free(local);
-    free(mean);
     return ok;
 }
 
@@ -308,8 +331,8 @@ static bool count_defects(const point_table *t, const bool *regular, size_t piec
     const bool ok = irregular && missing;
     double sum = 0;
     for (size_t i = 0; ok && i < t->count; i++) {
-        irregular[t->piece[i]] += !regular[i];
-        missing[t->piece[i]] += missing_degree(t, i);
+        irregular[piece_of(t, i)] += !regular[i];
+        missing[piece_of(t, i)] += missing_degree(t, i);
     }
     for (size_t p = 0; ok && p < pieces; p++) sum += fmax(irregular[p] - fabs(missing[p]), 0);
     *share = sum / (double)t->count;
@@ -360,8 +383,9 @@ static void add_side(const measures_input *in, const voronoi_side *s, const voro
     }
 }
 
-static void sum_cells(const measures_input *in, const voronoi_cells *c, const point_table *t,
-                      const double *local, bool *regular, cell_sums *out)
+/* Replaces the areas in `local` by local spacings. */
+static void sum_cells(const measures_input *in, const voronoi_cells *c, const point_table *t, double *local,
+                      bool *regular, cell_sums *out)
 {
     *out = (cell_sums){.grading = {.finest = INFINITY}};
     for (size_t i = 0; i < t->count; i++) {
@@ -372,7 +396,8 @@ static void sum_cells(const measures_input *in, const voronoi_cells *c, const po
         out->degrees += missing_degree(t, i);
         out->turn += (ideal_of(t, i) - (double)t->degree[i]) / 6;
         out->unmeasured += t->degree[i] < (is_on_border(t, i) ? 2u : 3u);
-        count_value(&out->area, 1, voronoi_cell_area(c, i) / (h * h * share_of(t, i)));
+        count_value(&out->area, 1, c->area[i] / (h * h * share_of(t, i)));
+        local[i] = local_spacing(c, t, i);
         count_value(&out->ratio, 1, local[i] / in->spacing[i]);
         count_grading(&out->grading, in->spacing[i], local[i]);
         out->edge.n += 0.5 * own->degree;
@@ -432,7 +457,7 @@ static void conclude_grading(const cell_sums *c, measures *out)
 }
 
 static bool conclude_cells(const measures_input *in, const voronoi_cells *v, const point_table *t,
-                           const double *local, size_t pieces, measures *out, error *e)
+                           double *local, size_t pieces, measures *out, error *e)
 {
     bool *regular = mem_array(t->count, sizeof *regular, what, e);
     cell_sums c;
@@ -477,7 +502,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
 {
     bool *has = mem_array(f->piece_count, sizeof *has, what, e);
     double *requested = has ? mem_array(f->piece_count, sizeof *requested, what, e) : NULL, empty = 0;
-    for (size_t i = 0; requested && i < t->count; i++) has[t->piece[i]] = true;
+    for (size_t i = 0; requested && i < t->count; i++) has[piece_of(t, i)] = true;
     if (requested) count_requested(in, f, has, requested);
     for (size_t p = 0; requested && p < f->piece_count; p++) {
         if (!(requested[p] > 1)) continue;
@@ -491,7 +516,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     return ok;
 }
 
-static sites sites_of(const measures_input *in, const point_table *t, const cell_list *near)
+static sites sites_of(const measures_input *in, const point_table *t)
 {
     sites s = {.count = t->count,
                .position = in->position,
@@ -501,31 +526,27 @@ static sites sites_of(const measures_input *in, const point_table *t, const cell
                .normal = t->normal,
                .one_sided = t->one_sided,
                .patch = t->patch,
-               .patch_labels = in->patch_labels,
-               .near = near};
+               .patch_labels = in->patch_labels};
     for (size_t i = 0; i < t->count; i++) s.largest_spacing = fmax(s.largest_spacing, t->spacing[i]);
     return s;
 }
 
-/* Computes the cells, and with them the measures of pairs. Without a request this is done twice: the cells give
- * the spacing by which distances are then divided. */
-static bool build_cells(const measures_input *in, facets *f, const cell_list *near, threads *pool,
-                        point_table *t, voronoi_cells *c, measures *out, error *e)
+/* Computes the cells, their areas, and with them the measures of pairs. Without a request this is done twice: the
+ * cells give the spacing by which distances are then divided. */
+static bool build_cells(const measures_input *in, facets *f, threads *pool, point_table *t, double *area,
+                        voronoi_cells *c, measures *out, error *e)
 {
     const bool whole = in->exact || !in->copy_normal || (f->piece_count > 1 && !f->in.patch_piece);
     if (whole && !facets_build(f, NULL, NULL, pool, e)) return false;
+    if (in->achieved && !(t->own_spacing = mem_array(in->count, sizeof *t->own_spacing, what, e)))
+        return false;
     threads_run(pool, in->count, 256, piece_chunk, &(corner_job){in, f, t});
     for (int round = in->achieved ? 0 : 1; round < 2; round++) {
-        const sites s = sites_of(in, t, near);
-        const pair_measures_input pairs = {&s,
-                                           in->h,
-                                           in->sized || in->achieved,
-                                           t->at_wedge,
-                                           in->kept,
-                                           t->has_odd ? t->odd : NULL,
-                                           f->piece_count > 1};
+        const sites s = sites_of(in, t);
+        const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, in->kept,
+                                           t->has_odd ? t->odd : NULL};
         voronoi_cells_free(c);
-        if (!voronoi_cells_build(&(voronoi_cells_input){f, whole, in->exact, &pairs}, pool, t->energy,
+        if (!voronoi_cells_build(&(voronoi_cells_input){f, whole, in->exact, area, &pairs}, pool, &t->energy,
                                  round == 1 ? out : NULL, c, e))
             return false;
         if (t->has_odd) threads_run(pool, in->count, 256, corner_chunk, &(corner_job){in, f, t});
@@ -536,8 +557,8 @@ static bool build_cells(const measures_input *in, facets *f, const cell_list *ne
 }
 
 /* The largest distance of a place of each patch, and of the lost places. */
-static void take_coverage(const measures_input *in, const voronoi_cells *c, const cell_list *near,
-                          const point_table *t, double *farthest, measures *out)
+static void take_coverage(const measures_input *in, const voronoi_cells *c, const point_table *t,
+                          double *farthest, measures *out)
 {
     out->coverage = 0;
     for (size_t p = 0; p < in->surface.patch_count; p++) {
@@ -546,26 +567,24 @@ static void take_coverage(const measures_input *in, const voronoi_cells *c, cons
     }
     for (size_t k = 0; k < in->lost_places; k++) {
         double distance;
-        const uint32_t nearest = cell_list_nearest(near, in->lost_place[k], 0, &distance);
+        const uint32_t nearest = cell_list_nearest(c->near, in->lost_place[k], 0, &distance);
         out->coverage = fmax(out->coverage, distance / t->spacing[nearest]);
     }
 }
 
-static bool take(const measures_input *in, facets *f, const cell_list *near, threads *pool, point_table *t,
-                 voronoi_cells *c, double *local, double *degree, double *farthest, measures *out, error *e)
+static bool take(const measures_input *in, facets *f, threads *pool, point_table *t, voronoi_cells *c,
+                 double *local, double *degree, double *farthest, measures *out, error *e)
 {
-    memcpy(t->spacing, in->spacing, in->count * sizeof *t->spacing);
     gather_sides(in, t);
-    if (!find_odd(in, t, e) || !build_cells(in, f, near, pool, t, c, out, e)) return false;
+    if (!find_odd(in, t, e) || !build_cells(in, f, pool, t, local, c, out, e)) return false;
     count_degrees(c, t);
-    for (size_t i = 0; i < in->count; i++) local[i] = local_spacing(c, t, i);
-    if (in->out_piece) memcpy(in->out_piece, t->piece, in->count * sizeof *t->piece);
+    for (size_t i = 0; in->out_piece && i < in->count; i++) in->out_piece[i] = piece_of(t, i);
     if (in->out_spacing) memcpy(in->out_spacing, t->spacing, in->count * sizeof *t->spacing);
     for (size_t i = 0; degree && i < in->count; i++) degree[i] = t->degree[i];
-    take_coverage(in, c, near, t, farthest, out);
+    take_coverage(in, c, t, farthest, out);
     out->missing_share = c->exact.missing / f->area;
-    double energy = 0;
-    for (size_t i = 0; i < in->count; i++) energy += t->energy[i] / (ideal_of(t, i) / 6);
+    double energy = t->energy.plain;
+    for (size_t i = 0; t->has_odd && i < in->count; i++) energy += t->energy.odd[i] / (t->ideal[i] / 6);
     out->energy_excess = energy / (double)in->count - 1;
     return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
 }
@@ -577,13 +596,11 @@ bool measures_take(const measures_input *in, threads *pool, double *local, doubl
     point_table t = {0};
     voronoi_cells c = {0};
     measures made = {0};
-    cell_list *near = cell_list_new(in->position, in->count, pool, e);
-    const bool ok = near && facets_open(&in->surface, &f, e) && allocate_table(in, &t, e) &&
-                    take(in, &f, near, pool, &t, &c, local, degree, farthest, &made, e);
+    const bool ok = facets_open(&in->surface, &f, e) && allocate_table(in, f.piece_count, &t, e) &&
+                    take(in, &f, pool, &t, &c, local, degree, farthest, &made, e);
     voronoi_cells_free(&c);
     free_table(&t);
     facets_free(&f);
-    cell_list_free(near);
     if (ok) *out = made;
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }

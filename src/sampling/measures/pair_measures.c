@@ -6,6 +6,7 @@
 
 #include "base/core/memory.h"
 #include "sampling/packing/energy.h"
+#include "sampling/packing/point_flags.h"
 #include "geometry/space/packing.h"
 #include "sampling/voronoi/partitions.h"
 #include "sampling/voronoi/resolution.h"
@@ -23,6 +24,7 @@ static const double CLOSEST = 1e-6;
 /* Sums of one chunk. */
 typedef struct pair_sums {
     double nearest; /* the smallest relative distance */
+    double energy;  /* of the plain points */
     size_t close, coincident, thin;
 } pair_sums;
 
@@ -30,9 +32,11 @@ typedef struct pair_job {
     const pair_measures_input *in;
     const partition *part;
     planar_cell *cells; /* or NULL */
+    double *area;       /* of each point: of its cell, if that is certain */
     pair_sums *sums;    /* of each chunk; NULL: only cells are computed */
-    float *gap;         /* of each point: distance to the opposite wall, in spacings */
-    double *energy;     /* of each point, over that of a point in an ideal packing */
+    float *lack; /* of each point: RESOLUTION_GAP minus its distance from the opposite wall in spacings; at
+                         * least 0 */
+    double *odd_energy; /* see pair_energies */
 } pair_job;
 
 typedef struct energy_batch {
@@ -63,14 +67,17 @@ static void add_pair(energy_batch *b, double u2, double weight)
 static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
 {
     const sites *s = in->sites;
-    if (distance >= RESOLUTION_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return INFINITY;
+    const bool at_wedge = in->odd && in->odd[i] & in->odd[j] & PACKING_AT_WEDGE;
+    if (distance >= RESOLUTION_REACH * mean || at_wedge) return INFINITY;
     const vec3 r = vec3_sub(s->position[j], s->position[i]);
-    return fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r))) / mean;
+    return fmin(fabs(vec3_dot(s->normal[sites_first(s, i)], r)),
+                fabs(vec3_dot(s->normal[sites_first(s, j)], r))) /
+           mean;
 }
 
 /* A pair of points, from the partition's copies. */
 typedef struct pair {
-    double distance, facing;
+    double square, facing; /* `square`: of the distance */
 } pair;
 
 static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
@@ -78,7 +85,7 @@ static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
     const partition *p = job->part;
     const sites *s = job->in->sites;
     const bool plain = !s->patch_labels && (!p->flags || !(p->flags[at] | p->flags[other]));
-    return (pair){vec3_norm(vec3_sub(p->position[at], p->position[other])),
+    return (pair){vec3_norm2(vec3_sub(p->position[at], p->position[other])),
                   plain ? vec3_dot(p->normal[at], p->normal[other])
                         : sites_facing_pair(s, p->index[at], p->index[other])};
 }
@@ -89,43 +96,55 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
     const sites *s = in->sites;
     const partition *part = job->part;
     const uint32_t i = part->index[at], *list = neighbours_list(part->near, at);
-    const double h = part->spacing[at], support = packing_support(in->sized ? h : in->h);
+    const double h = part->spacing[at], support = packing_support(in->sized ? h : in->h),
+                 per_support2 = 1 / (support * support), per_h = 1 / h;
     energy_batch b;
-    double nearest = INFINITY, gap = INFINITY;
+    double nearest2 = INFINITY, gap = INFINITY;
     b.count = 0;
     b.energy = 0;
     for (uint32_t k = 0; k < part->near->list_count[at]; k++) {
         const uint32_t j = part->index[list[k]];
         const pair p = pair_at(job, at, list[k]);
-        const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean / h;
-        const bool together = !in->pieces || s->piece[i] == s->piece[j];
+        const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean * per_h;
+        const bool together = sites_piece(s, i) == sites_piece(s, j);
         if (!(p.facing > SITES_OPPOSITE)) {
-            gap = fmin(gap, wall_gap(in, i, j, p.distance, mean));
+            gap = fmin(gap, wall_gap(in, i, j, sqrt(p.square), mean));
         } else if (together && !(in->kept && in->kept[i] && in->kept[j])) {
-            nearest = p.distance < nearest * mean ? p.distance / mean : nearest;
+            if (p.square < nearest2 * mean * mean) nearest2 = p.square / (mean * mean);
         }
         if (p.facing <= VORONOI_OPPOSITE_COSINE || !together) continue;
-        const double u = p.distance / (support * (in->sized ? size : 1));
-        add_pair(&b, u * u, in->sized ? size * size : 1);
+        const double u2 = p.square * per_support2;
+        if (in->sized)
+            add_pair(&b, u2 / (size * size), size * size);
+        else
+            add_pair(&b, u2, 1);
     }
     sum_batch(&b);
+    const double nearest = sqrt(nearest2);
     sums->nearest = fmin(sums->nearest, nearest);
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
-    sums->thin += gap < RESOLUTION_GAP;
-    job->energy[i] = b.energy / energy_cotangent.ideal;
-    job->gap[i] = (float)gap;
+    const double energy = b.energy / energy_cotangent.ideal;
+    if (in->odd && in->odd[i])
+        job->odd_energy[i] = energy;
+    else
+        sums->energy += energy;
+    if (!(gap < RESOLUTION_GAP)) return;
+    sums->thin++;
+    job->lack[i] = (float)(RESOLUTION_GAP - gap);
 }
 
 static void pair_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const pair_job *job = context;
-    const uint32_t *piece = job->in->pieces ? job->in->sites->piece : NULL;
+    const uint32_t *index = job->part->index;
     (void)worker;
     pair_sums sums = {.nearest = INFINITY};
     for (size_t k = begin; k < end; k++) {
         if (!partition_owns(job->part, k)) continue;
-        if (job->cells) planar_cell_at(job->part, piece, (uint32_t)k, &job->cells[job->part->index[k]]);
+        if (job->cells)
+            planar_cell_at(job->part, job->in->sites->piece, (uint32_t)k, &job->cells[index[k]],
+                           &job->area[index[k]]);
         if (job->sums) measure_point(job, (uint32_t)k, &sums);
     }
     if (job->sums) job->sums[begin / CHUNK] = sums;
@@ -134,6 +153,7 @@ static void pair_chunk(void *context, int worker, size_t begin, size_t end)
 static void add_sums(pair_sums *to, const pair_sums *s)
 {
     to->nearest = fmin(to->nearest, s->nearest);
+    to->energy += s->energy;
     to->close += s->close;
     to->coincident += s->coincident;
     to->thin += s->thin;
@@ -142,16 +162,16 @@ static void add_sums(pair_sums *to, const pair_sums *s)
 static int compare_numbers(const void *a, const void *b)
 {
     const float p = *(const float *)a, q = *(const float *)b;
-    return (p > q) - (p < q);
+    return (p < q) - (p > q);
 }
 
-/* See measures.thin_factor; sorts the gaps if more than the allowed ones are small. */
-static double thin_factor(float *gap, size_t count, size_t thin)
+/* See measures.thin_factor; sorts the values from the largest if more than the allowed ones are not 0. */
+static double thin_factor(float *lack, size_t count, size_t thin)
 {
     const size_t allowed = (size_t)(MEASURES_THIN_SHARE * (double)count);
     if (thin <= allowed) return 1;
-    qsort(gap, count, sizeof *gap, compare_numbers);
-    return fmin(gap[allowed] / RESOLUTION_GAP, 1);
+    qsort(lack, count, sizeof *lack, compare_numbers);
+    return 1 - lack[allowed] / RESOLUTION_GAP;
 }
 
 /* Reach of the neighbour lists, in spacings: the support, or the largest distance of opposite walls. */
@@ -162,10 +182,11 @@ static double reach_of(const pair_measures_input *in)
     return fmax(VORONOI_REACH, in->sized ? 0 : packing_support(in->h) / finest);
 }
 
-static void conclude(const pair_sums *whole, float *gap, size_t count, measures *out)
+static void conclude(const pair_sums *whole, float *lack, size_t count, pair_energies *energy, measures *out)
 {
     const double n = (double)count;
-    out->thin_factor = thin_factor(gap, count, whole->thin);
+    energy->plain = whole->energy;
+    out->thin_factor = thin_factor(lack, count, whole->thin);
     out->min_spacing_ratio = isfinite(whole->nearest) ? whole->nearest : NAN;
     out->close_share = (double)whole->close / n;
     out->coincident = whole->coincident;
@@ -185,7 +206,7 @@ static bool open_lists(const pair_measures_input *in, threads *pool, lists *out,
 {
     const sites *s = in->sites;
     *out = (lists){.cut = {s->count, s->position, s->normal, s->spacing, NULL, in->odd, reach_of(in)}};
-    if (s->side[s->count] != s->count) {
+    if (s->side && s->side[s->count] != s->count) {
         out->normal = mem_array(s->count, sizeof *out->normal, what, e);
         if (!out->normal) return false;
         for (size_t i = 0; i < s->count; i++) out->normal[i] = s->normal[s->side[i]];
@@ -201,17 +222,17 @@ static void close_lists(lists *l)
     free(l->normal);
 }
 
-bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *energy,
-                        measures *out, error *e)
+bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *area,
+                        pair_energies *energy, measures *out, error *e)
 {
     lists l;
     pair_sums whole = {.nearest = INFINITY};
     bool ok = open_lists(in, pool, &l, e);
-    pair_job job = {.in = in, .part = &l.part, .cells = cells, .energy = energy};
+    pair_job job = {.in = in, .part = &l.part, .cells = cells, .area = area, .odd_energy = energy->odd};
     if (ok && out) {
-        job.gap = mem_array(in->sites->count, sizeof *job.gap, what, e);
+        job.lack = mem_array(in->sites->count, sizeof *job.lack, what, e);
         job.sums = mem_array(l.all.most / CHUNK + 1, sizeof *job.sums, what, e);
-        ok = job.gap && job.sums;
+        ok = job.lack && job.sums;
     }
     for (size_t k = 0; ok && k < l.all.count; k++) {
         ok = partition_fill(&l.cut, &l.all, k, pool, &l.part, e);
@@ -220,8 +241,8 @@ bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cel
             add_sums(&whole, &job.sums[c]);
     }
     ok = ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
-    if (ok && out) conclude(&whole, job.gap, in->sites->count, out);
-    free(job.gap);
+    if (ok && out) conclude(&whole, job.lack, in->sites->count, energy, out);
+    free(job.lack);
     free(job.sums);
     close_lists(&l);
     return ok;

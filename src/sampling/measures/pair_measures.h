@@ -13,19 +13,24 @@
 typedef struct pair_measures_input {
     const sites *sites;
     double h;
-    bool sized;           /* see measures_input */
-    const bool *at_wedge; /* of each point: PACKING_AT_WEDGE */
-    const bool *kept;     /* see measures_input */
-    const uint8_t *odd;   /* of each point: not 0 if it is not plain (planar_cells.h); NULL: all are plain */
-    bool pieces;          /* the points are of several pieces */
+    bool sized;       /* see measures_input */
+    const bool *kept; /* see measures_input */
+    const uint8_t
+        *odd; /* of each point: its flags (point_flags.h); not 0 if it is not plain (planar_cells.h); NULL:
+                         * all are plain */
 } pair_measures_input;
 
-/* Sets `cells` (a value for each point), or with NULL none; and unless `out` is NULL `energy` (a value for each
- * point: its energy over that of a point in an ideal packing), and of *out min_spacing_ratio, close_share,
- * coincident, thin_count and thin_factor. Errors: limit_memory, cancelled. Deterministic for any number of
- * threads. */
-bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *energy,
-                        measures *out, error *e);
+/* Energies over that of a point in an ideal packing. */
+typedef struct pair_energies {
+    double plain; /* sum over the plain points */
+    double *odd;  /* of each other point; owned by the caller, zeroed */
+} pair_energies;
+
+/* Sets `cells` and the areas of the certain ones (values for each point), or with NULL neither; and unless `out` is
+ * NULL *energy, and of *out min_spacing_ratio, close_share, coincident, thin_count and thin_factor. Errors:
+ * limit_memory, cancelled. Deterministic for any number of threads. */
+bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cell *cells, double *area,
+                        pair_energies *energy, measures *out, error *e);
 
 /* For each point with a certain cell the mean of `value` over the point and its neighbours. Errors: as above. */
 bool pair_measures_means(const pair_measures_input *in, const planar_cell *cells, const double *value,

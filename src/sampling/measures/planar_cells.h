@@ -7,7 +7,8 @@
  *   one piece, with one oriented normal;
  * - the normals of the points that can bound the cell differ from its own by less than 37 degrees;
  * - each of its sides is longer than 0.1 spacings, and every other point misses the cell by as much, so that
- *   both points of a side, and both cells, agree;
+ *   both points of a side, and both cells, agree; where the normals differ by less than 18 (8) degrees, 0.025
+ *   (0.005) spacings;
  * - all its corners are nearer than PLANAR_CELLS_FARTHEST: no hole is near.
  * Areas, sides and distances are those on the surface: the neighbours' normals give its bend to second order.
  * World units. Any thread, for different points.
@@ -24,26 +25,29 @@
  * at a vacancy 1. */
 #define PLANAR_CELLS_FARTHEST 0.9
 
+/* The unit of planar_cell.bend is the area of the cell over this. */
+#define PLANAR_BEND 65535.0
+
 /* planar_cell.straight of a perfect packing: sqrt(3) / 2. */
 #define PLANAR_STRAIGHT 0.86602540378443865
 
 /* A cell, and sums over its sides. Distances of pairs are divided by the mean of their spacings. Values near
  * those of a perfect packing are stored as differences from these, for the precision of floats. */
 typedef struct planar_cell {
-    double area;
-    float bend;        /* what the bend of the surface adds to the area */
     float farthest;    /* the largest distance of a corner from the point */
     float edge, edge2; /* sums of the distances of the neighbours minus 1, and of the squares of these */
     /* sum of distance times length of side over 4, divided by the spacing squared, minus PLANAR_STRAIGHT */
     float straight;
     float growth2; /* sum of the squares of the change of spacing per distance */
+    uint16_t bend; /* what the bend of the surface adds to the area, over PLANAR_BEND */
     uint8_t degree;
     bool certain; /* if not, all other members are 0 */
 } planar_cell;
 
-/* Computes the cell of the partition's own point `at`. `piece`: of each point of the set, or NULL if all are of
- * one piece. The partition's flags are 0 for plain points; NULL: all points are plain. */
-void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out);
+/* Computes the cell of the partition's own point `at`, and if it is certain its area. `piece`: of each point of the
+ * set, or NULL if all are of one piece. The partition's flags are 0 for plain points; NULL: all points are plain. */
+void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out,
+                    double *area);
 
 /* The mean of `value` (of each point of the set) over the partition's own point `at`, whose cell is certain, and
  * its neighbours. */

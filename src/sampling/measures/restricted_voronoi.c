@@ -13,20 +13,22 @@
 enum { TASKS = 512, POINTS_OF_TASK = 1000 };
 /* Tasks per thread whose records are in memory at the same time. */
 enum { TASKS_OF_THREAD = 4 };
-/* Maximum number of items per point at which distances are bounded from below before the tasks start. */
-enum { PROBES_OF_POINT = 2 };
+/* At one item for each POINTS_OF_PROBE points, distances are bounded from below before the tasks start. */
+enum { POINTS_OF_PROBE = 4 };
 /* A triangle with more candidates is divided at its longest edge before it is clipped: the cost of clipping
  * is quadratic in their number. */
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
-static const double LEAST_PART = 1e-4;
+static const double LEAST_PART = 1e-6;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
-static const double SMALL = 3;
+static const double SMALL = 2;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
 /* Maximum corners of a clipped triangle: three, one for each bisector, and one for each face of a domain. */
 enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
+/* Cells with less than this fraction of a triangle are rounding errors. */
+static const double LEAST_AREA = 1e-13;
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
 static const double MARGIN = 1e-9;
 /* Marks an edge of the triangle itself, instead of the index of the point beyond a bisector. */
@@ -176,9 +178,9 @@ static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)
 {
     facing best = FACING_NONE;
     if (s->patch_labels && n->patch == FACETS_MIXED) return FACING_SOME;
-    for (uint32_t k = s->side[i]; k < s->side[i + 1]; k++) {
-        if (s->one_sided[k]) return FACING_ALL;
-        const double c = sites_cosine(s, k, n->axis, n->patch == FACETS_MIXED ? s->patch[k] : n->patch);
+    for (uint32_t k = sites_first(s, i); k < sites_end(s, i); k++) {
+        if (sites_is_one_sided(s, k)) return FACING_ALL;
+        const double c = sites_cosine(s, k, n->axis, n->patch == FACETS_MIXED ? sites_patch(s, k) : n->patch);
         if (c > n->all) return FACING_ALL;
         if (c >= n->none) best = FACING_SOME;
     }
@@ -199,7 +201,7 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
     *certain = n->piece != FACETS_MIXED;
     for (size_t k = 0; k < from->count; k++) {
         const uint32_t i = given[k];
-        if (n->piece != FACETS_MIXED && s->piece[i] != n->piece) continue;
+        if (n->piece != FACETS_MIXED && sites_piece(s, i) != n->piece) continue;
         const double distance = vec3_norm(vec3_sub(s->position[i], n->centre));
         if (distance > facing_all + 2 * n->radius) continue;
         const facing at = facing_at_node(s, &turn, i);
@@ -424,7 +426,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
-    if (area <= MARGIN * t->of->area * LEAST_PART)
+    if (area <= LEAST_AREA * t->of->area)
         return true; /* the edge lies in a bisector: the adjacent triangle has the side */
     if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
@@ -557,7 +559,7 @@ static bool visit_part(descent *d, const part *t, int changed, size_t from, size
 
 static bool is_candidate(const sites *s, uint32_t i, const facet *t)
 {
-    return s->piece[i] == t->piece && sites_facing(s, i, t->normal, t->patch) > SITES_OPPOSITE;
+    return sites_piece(s, i) == t->piece && sites_facing(s, i, t->normal, t->patch) > SITES_OPPOSITE;
 }
 
 typedef struct collection {
@@ -662,18 +664,22 @@ static bool visit_large_part(descent *d, const part *t)
            visit_candidates(d, t, base, centroid, at.radius, reach);
 }
 
-/* Processes a triangle. `from` NULL: there are no candidates yet. */
-static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre)
+/* Processes a triangle. `certain`: all candidates are of its piece and not on an opposite wall. */
+static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre, bool certain)
 {
     const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
-    if (!from) return visit_large_part(d, &whole);
     const vec3 centroid = field_triangle_middle(t->corner);
     const size_t base = d->top;
     if (!reserve(d, from->count)) return false;
-    for (size_t k = 0; k < from->count; k++)
-        if (is_candidate(d->s, d->list[from->first + k], t)) d->list[d->top++] = d->list[from->first + k];
+    for (size_t k = from->first; k < from->first + from->count; k++)
+        if (certain || is_candidate(d->s, d->list[k], t)) d->list[d->top++] = d->list[k];
     const double complete = from->complete - vec3_norm(vec3_sub(centroid, from_centre));
     return visit_candidates(d, &whole, base, centroid, part_radius(&whole, centroid), complete);
+}
+
+static bool visit_large_triangle(descent *d, const facet *t)
+{
+    return visit_large_part(d, &(part){{t->corner[0], t->corner[1], t->corner[2]}, t});
 }
 
 /* ---- nodes */
@@ -702,6 +708,24 @@ static bool is_in_one_cell(const descent *d, const candidates *from, const facet
     return sqrt(second2) > (sqrt(nearest2) + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest2);
 }
 
+/* Processes the triangles of an item with candidates. */
+static bool visit_triangles(descent *d, size_t k, const facets_item *item, const candidates *from,
+                            vec3 from_centre)
+{
+    facet t[FIELD_CELL_TRIANGLES];
+    const int triangles = facets_expand(d->f, k, t);
+    if (triangles == 0) return true;
+    const size_t base = d->top;
+    const facets_node around = facets_bound_triangles(item, triangles, t);
+    candidates own;
+    bool certain;
+    if (!choose_candidates(d, &around, from, from_centre, &own, &certain)) return false;
+    bool ok = true;
+    for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], &own, item->centre, certain);
+    d->top = base;
+    return ok;
+}
+
 static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_centre, bool certain)
 {
     const facets_item item = facets_item_at(d->f, k);
@@ -709,10 +733,27 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
     if (certain && is_in_one_cell(d, from, &item, &site) &&
         is_covered(d, item.patch, item.centre, item.radius, site))
         return (d->known && d->known[site].certain) || add_area(d, site, item.area);
-    facet t[FIELD_CELL_TRIANGLES];
-    const int triangles = facets_expand(d->f, k, !from, t);
+    return visit_triangles(d, k, &item, from, from_centre);
+}
+
+/* Processes an item without candidates. */
+static bool visit_single_item(descent *d, size_t k)
+{
+    const facets_item item = facets_item_at(d->f, k);
+    const surroundings at = surroundings_at(d, item.centre, item.radius);
+    if (!voronoi_reaches(d->wanted, item.centre, item.radius, at.nearest)) return true;
     bool ok = true;
-    for (int i = 0; ok && i < triangles; i++) ok = visit_triangle(d, &t[i], from, from_centre);
+    if (at.radius <= SMALL * at.spacing) {
+        const size_t base = d->top;
+        const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
+        ok = collect_within(d, item.centre, reach, NULL) &&
+             visit_triangles(d, k, &item, &(candidates){base, d->top - base, reach}, item.centre);
+        d->top = base;
+        return ok;
+    }
+    facet t[FIELD_CELL_TRIANGLES];
+    const int triangles = facets_expand(d->f, k, t);
+    for (int i = 0; ok && i < triangles; i++) ok = visit_large_triangle(d, &t[i]);
     return ok;
 }
 
@@ -754,7 +795,7 @@ static bool visit_node(descent *d, uint32_t node)
     } else if (n->right > 0)
         ok = visit_node(d, node + 1) && visit_node(d, n->right);
     else
-        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_item(d, k, NULL, n->centre, false);
+        for (size_t k = n->begin; ok && k < n->end; k++) ok = visit_single_item(d, k);
     return ok;
 }
 
@@ -771,7 +812,7 @@ static bool is_in_domain(const facets *f, vec3 x)
 static void probe_item(const build_job *job, size_t k, double *known)
 {
     facet t[FIELD_CELL_TRIANGLES];
-    if (facets_expand(job->f, k, false, t) == 0) return;
+    if (facets_expand(job->f, k, t) == 0) return;
     const vec3 middle = field_triangle_middle(t[0].corner);
     double *most = &known[t[0].patch];
     if (!(distance_at(job->s, middle) > *most) || !is_in_domain(job->f, middle)) return;
@@ -781,7 +822,7 @@ static void probe_item(const build_job *job, size_t k, double *known)
 
 static size_t probe_count(const build_job *job)
 {
-    const size_t most = PROBES_OF_POINT * job->cells;
+    const size_t most = job->cells / POINTS_OF_PROBE + 1;
     return job->f->item_count < most ? job->f->item_count : most;
 }
 
@@ -873,11 +914,11 @@ static bool table_add(side_table *t, const voronoi_side *s, error *e)
     return true;
 }
 
-static bool settle_task(task *t, restricted_voronoi *out, side_table *table, error *e)
+static bool settle_task(task *t, double *area, restricted_voronoi *out, side_table *table, error *e)
 {
     bool ok = !t->failed;
     if (!ok && e) *e = t->why;
-    for (size_t k = 0; ok && k < t->area_count; k++) out->area[t->area[k].site] += t->area[k].area;
+    for (size_t k = 0; ok && k < t->area_count; k++) area[t->area[k].site] += t->area[k].area;
     for (size_t k = 0; ok && k < t->side_count; k++) ok = table_add(table, &t->side[k], e);
     out->missing += t->missing;
     free(t->area);
@@ -901,10 +942,15 @@ static size_t divide(const facets *f, uint32_t node, size_t most, task *out)
     return count + divide(f, n->right, most, out + count);
 }
 
-static size_t count_wanted(const sites *s, const planar_cell *known)
+/* Counts the cells to be computed, and sets their areas to 0. */
+static size_t begin_areas(const sites *s, const planar_cell *known, double *area)
 {
     size_t wanted = 0;
-    for (size_t i = 0; i < s->count; i++) wanted += !known || !known[i].certain;
+    for (size_t i = 0; i < s->count; i++) {
+        if (known && known[i].certain) continue;
+        area[i] = 0;
+        wanted++;
+    }
     return wanted;
 }
 
@@ -922,18 +968,17 @@ bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double
 }
 
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
-                              restricted_voronoi *out, error *e)
+                              double *area, restricted_voronoi *out, error *e)
 {
     const size_t workers = (size_t)threads_count(pool), patches = f->in.patch_count;
-    const size_t cells = count_wanted(s, wanted->known), parts = cells / POINTS_OF_TASK + 1,
+    const size_t cells = begin_areas(s, wanted->known, area), parts = cells / POINTS_OF_TASK + 1,
                  most = f->item_count / (parts < TASKS ? parts : TASKS) + 1;
     side_table table = {0};
     double *farthest = mem_array(2 * workers * patches, sizeof *farthest, what, e);
     task *all = mem_array(4 * TASKS, sizeof *all, what, e);
     *out = (restricted_voronoi){0};
-    out->area = mem_array(s->count, sizeof *out->area, what, e);
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    bool ok = farthest && out->area && out->farthest && all && table_init(&table, 3 * cells, e);
+    bool ok = farthest && out->farthest && all && table_init(&table, 3 * cells, e);
     const size_t tasks = ok && f->item_count > 0 ? divide(f, 0, most, all) : 0;
     build_job job = {f, s, wanted, cells, all, farthest, out->farthest};
     const size_t at_once = TASKS_OF_THREAD * workers;
@@ -942,7 +987,8 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
         const size_t count = tasks - k < at_once ? tasks - k : at_once;
         job.task = all + k;
         if (ok) threads_run(pool, count, 1, run_tasks, &job);
-        for (size_t i = 0; i < count; i++) ok = settle_task(&all[k + i], out, &table, ok ? e : NULL) && ok;
+        for (size_t i = 0; i < count; i++)
+            ok = settle_task(&all[k + i], area, out, &table, ok ? e : NULL) && ok;
     }
     for (size_t w = 0; ok && w < workers; w++)
         for (size_t p = 0; p < patches; p++)
@@ -957,7 +1003,6 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
 
 void restricted_voronoi_free(restricted_voronoi *v)
 {
-    free(v->area);
     free(v->side);
     free(v->farthest);
     *v = (restricted_voronoi){0};

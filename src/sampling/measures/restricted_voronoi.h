@@ -23,7 +23,6 @@ typedef struct voronoi_side {
 } voronoi_side;
 
 typedef struct restricted_voronoi {
-    double *area;       /* per point: area of its cell */
     voronoi_side *side; /* each pair of cells once, in a fixed order */
     size_t side_count;
     /* per patch: the largest distance of a place from its nearest point, over the spacing of that point */
@@ -43,11 +42,12 @@ typedef struct voronoi_wanted {
  * all points. */
 bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double nearest);
 
-/* Areas of known cells remain 0, sides between two of them and their distances are not computed. The
- * hierarchy of `f` must contain the items that the other cells may reach. Deterministic for any number of threads. Release *out also after failure. Errors: limit_memory,
- * cancelled. */
+/* `area` (a value for each point) receives the areas of the cells that are computed. Areas of known cells, sides
+ * between two of them and their distances are not computed. The hierarchy of `f` must contain the items that the
+ * other cells may reach. Deterministic for any number of threads. Release *out also after failure. Errors:
+ * limit_memory, cancelled. */
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
-                              restricted_voronoi *out, error *e);
+                              double *area, restricted_voronoi *out, error *e);
 void restricted_voronoi_free(restricted_voronoi *v); /* accepts a zeroed object */
 
 #endif

@@ -24,8 +24,9 @@ typedef struct sites {
     size_t count;
     const vec3 *position;
     const double *spacing; /* requested spacing h of each point, > 0 */
-    const uint32_t *piece; /* per point: its piece of the surface */
-    /* count + 1: the normals of point i are normal[side[i]] .. normal[side[i + 1] - 1]; at least one */
+    const uint32_t *piece; /* per point: its piece of the surface; NULL: all are of piece 0 */
+    /* count + 1: the normals of point i are normal[side[i]] .. normal[side[i + 1] - 1]; at least one. NULL: each
+     * point has one normal, of patch 0, and `one_sided` and `patch` are NULL, too */
     const uint32_t *side;
     const vec3 *normal;
     const bool *one_sided; /* per normal: its sign is arbitrary */
@@ -34,7 +35,7 @@ typedef struct sites {
         [2]; /* per patch: the labels that it separates; normals point from the first to the second; or
               * NULL */
     double largest_spacing;
-    const cell_list *near; /* of `position` */
+    const cell_list *near; /* of `position`; NULL: not used */
 } sites;
 
 /* The points as a solver has them: a copy for each patch on which a point lies; the first ones are the points
@@ -52,6 +53,32 @@ typedef struct sites_copies {
 void sites_gather(const sites_copies *copies, size_t points, uint32_t *side, vec3 *normal, bool *one_sided,
                   uint32_t *patch);
 
+static inline uint32_t sites_piece(const sites *s, uint32_t i)
+{
+    return s->piece ? s->piece[i] : 0;
+}
+
+/* The normals of point i: from this one to that before sites_end. */
+static inline uint32_t sites_first(const sites *s, uint32_t i)
+{
+    return s->side ? s->side[i] : i;
+}
+
+static inline uint32_t sites_end(const sites *s, uint32_t i)
+{
+    return s->side ? s->side[i + 1] : i + 1;
+}
+
+static inline uint32_t sites_patch(const sites *s, uint32_t k)
+{
+    return s->patch ? s->patch[k] : 0;
+}
+
+static inline bool sites_is_one_sided(const sites *s, uint32_t k)
+{
+    return s->one_sided && s->one_sided[k];
+}
+
 /* The sign with which the cosine of normals of two patches is compared: 1, -1, or 0: the patches are never
  * opposite. Interfaces with a common label are compared by the normals that point out of it. */
 static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
@@ -65,16 +92,16 @@ static inline int sites_sign(const sites *s, uint32_t patch, uint32_t other)
  * value if the normal is one-sided; 1 if the patches are never opposite. */
 static inline double sites_cosine(const sites *s, uint32_t k, vec3 n, uint32_t patch)
 {
-    const int sign = sites_sign(s, s->patch[k], patch);
+    const int sign = sites_sign(s, sites_patch(s, k), patch);
     const double c = sign * vec3_dot(s->normal[k], n);
-    return sign == 0 ? 1 : s->one_sided[k] ? fabs(c) : c;
+    return sign == 0 ? 1 : sites_is_one_sided(s, k) ? fabs(c) : c;
 }
 
 /* The largest sites_cosine over the normals of point i. */
 static inline double sites_facing(const sites *s, uint32_t i, vec3 n, uint32_t patch)
 {
     double most = -1;
-    for (uint32_t k = s->side[i]; k < s->side[i + 1]; k++) {
+    for (uint32_t k = sites_first(s, i); k < sites_end(s, i); k++) {
         const double facing = sites_cosine(s, k, n, patch);
         most = facing > most ? facing : most;
     }
@@ -85,9 +112,9 @@ static inline double sites_facing(const sites *s, uint32_t i, vec3 n, uint32_t p
 static inline double sites_facing_pair(const sites *s, uint32_t i, uint32_t j)
 {
     double most = -1;
-    for (uint32_t k = s->side[i]; k < s->side[i + 1]; k++) {
-        const double c = sites_facing(s, j, s->normal[k], s->patch[k]),
-                     facing = s->one_sided[k] ? fabs(c) : c;
+    for (uint32_t k = sites_first(s, i); k < sites_end(s, i); k++) {
+        const double c = sites_facing(s, j, s->normal[k], sites_patch(s, k)),
+                     facing = sites_is_one_sided(s, k) ? fabs(c) : c;
         most = facing > most ? facing : most;
     }
     return most;

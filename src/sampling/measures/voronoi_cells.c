@@ -22,6 +22,7 @@ static const char what[] = "the measures of the surface";
 void voronoi_cells_free(voronoi_cells *c)
 {
     free(c->planar);
+    cell_list_free(c->near);
     restricted_voronoi_free(&c->exact);
     *c = (voronoi_cells){0};
 }
@@ -66,18 +67,18 @@ static bool is_needed(const void *context, vec3 centre, double radius)
 }
 
 /* Computes the cells that are not certain. */
-static bool build_exact(const voronoi_cells_input *in, threads *pool, voronoi_cells *c, error *e)
+static bool build_exact(const voronoi_cells_input *in, const sites *s, threads *pool, voronoi_cells *c,
+                        error *e)
 {
-    const sites *s = in->pairs->sites;
     uncertain u;
     bool ok = list_uncertain(s, c, pool, &u, e);
     if (ok && !in->whole && c->certain_count < c->count)
         ok = facets_build(in->surface, c->certain_count > 0 ? is_needed : NULL, &u, pool, e);
     restricted_voronoi_free(&c->exact);
-    ok = ok && restricted_voronoi_build(in->surface, s, &u.wanted, pool, &c->exact, e);
+    ok = ok && restricted_voronoi_build(in->surface, s, &u.wanted, pool, in->area, &c->exact, e);
     for (size_t i = 0; ok && i < c->count; i++) {
         if (!c->planar[i].certain) continue;
-        double *farthest = &c->exact.farthest[s->patch[s->side[i]]];
+        double *farthest = &c->exact.farthest[sites_patch(s, sites_first(s, (uint32_t)i))];
         *farthest = fmax(*farthest, c->planar[i].farthest / s->spacing[i]);
     }
     free_uncertain(&u);
@@ -94,13 +95,13 @@ static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, bool *fo
 {
     piece_area *sum = mem_array(f->piece_count, sizeof *sum, what, e);
     *found = false;
-    for (size_t i = 0; sum && i < c->count; i++) {
-        sum[s->piece[i]].cells += voronoi_cell_area(c, i);
-        sum[s->piece[i]].bend += c->planar[i].bend;
+    for (uint32_t i = 0; sum && i < c->count; i++) {
+        sum[sites_piece(s, i)].cells += c->area[i];
+        sum[sites_piece(s, i)].bend += c->planar[i].bend / PLANAR_BEND * c->area[i];
     }
-    for (size_t i = 0; sum && i < c->count; i++) {
-        const double area = f->piece_area[s->piece[i]];
-        const piece_area *of = &sum[s->piece[i]];
+    for (uint32_t i = 0; sum && i < c->count; i++) {
+        const double area = f->piece_area[sites_piece(s, i)];
+        const piece_area *of = &sum[sites_piece(s, i)];
         if (!c->planar[i].certain ||
             fabs(of->cells - area) <= AREA_TOLERANCE * area + BEND_TOLERANCE * of->bend)
             continue;
@@ -119,18 +120,19 @@ static void withdraw_few(voronoi_cells *c)
         c->planar[i] = (planar_cell){.certain = false};
 }
 
-bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *energy, measures *pairs,
+bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_energies *energy, measures *pairs,
                          voronoi_cells *out, error *e)
 {
-    const sites *s = in->pairs->sites;
+    sites s = *in->pairs->sites;
     bool found = false;
-    *out = (voronoi_cells){.count = s->count};
-    out->planar = mem_array(s->count, sizeof *out->planar, what, e);
+    *out = (voronoi_cells){.count = s.count, .area = in->area};
+    out->planar = mem_array(s.count, sizeof *out->planar, what, e);
     if (!out->planar ||
-        !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, energy, pairs, e))
+        !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, in->area, energy, pairs, e))
         return false;
     withdraw_few(out);
-    if (!build_exact(in, pool, out, e)) return false;
-    if (out->certain_count > 0 && !withdraw(in->surface, s, out, &found, e)) return false;
-    return !found || build_exact(in, pool, out, e);
+    s.near = out->near = cell_list_new(s.position, s.count, pool, e);
+    if (!out->near || !build_exact(in, &s, pool, out, e)) return false;
+    if (out->certain_count > 0 && !withdraw(in->surface, &s, out, &found, e)) return false;
+    return !found || build_exact(in, &s, pool, out, e);
 }

@@ -18,27 +18,25 @@
 typedef struct voronoi_cells {
     size_t count, certain_count;
     planar_cell *planar; /* of each point; certain for certain_count of them */
-    /* the cells of the other points, the sides between them and all cells, and over all cells the
-     * distances of each patch */
+    const double *area;  /* of each point's cell */
+    cell_list *near;     /* of the points */
+    /* of the other cells: the sides between them and all cells, and over all cells the distances of each
+     * patch */
     restricted_voronoi exact;
 } voronoi_cells;
 
 typedef struct voronoi_cells_input {
-    facets *surface; /* its hierarchy is built as far as it is needed */
-    bool whole;      /* the hierarchy contains all items already */
-    bool exact;      /* all cells are computed from triangles */
-    const pair_measures_input *pairs;
+    facets *surface;                  /* its hierarchy is built as far as it is needed */
+    bool whole;                       /* the hierarchy contains all items already */
+    bool exact;                       /* all cells are computed from triangles */
+    double *area;                     /* of each point: receives the area of its cell */
+    const pair_measures_input *pairs; /* its sites' `near` is not used */
 } voronoi_cells_input;
 
 /* `energy` and `pairs`: see pair_measures_take, with which the neighbour lists are shared. Free *out also after
  * failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
-bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, double *energy, measures *pairs,
+bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_energies *energy, measures *pairs,
                          voronoi_cells *out, error *e);
 void voronoi_cells_free(voronoi_cells *c); /* accepts a zeroed object */
-
-static inline double voronoi_cell_area(const voronoi_cells *c, size_t i)
-{
-    return c->planar[i].certain ? c->planar[i].area : c->exact.area[i];
-}
 
 #endif
