@@ -6,8 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <libdeflate.h>
 #include <openexr.h>
 
+#include "base/core/isa.h"
 #include "base/core/memory.h"
 
 /* In the order of the file: sorted by name. */
@@ -309,7 +311,64 @@ static exr_result_t write_head(exr_context_t file, const image *m, const preview
     return r ? r : exr_write_header(file);
 }
 
-static exr_result_t write_chunk(exr_context_t file, int y, const line *l, exr_encode_pipeline_t *encoder)
+/* ---- compression ---- */
+
+/* Level of libdeflate. Levels 1 to 4 differ by a fifth in time, and by 1 % in the size of files. Higher levels take
+ * longer. */
+enum { ZIP_LEVEL = 2 };
+
+/* The compressor of zip and zips. The library itself calls zlib: with level 6, its default, that takes three times
+ * as long for files of the same size. */
+typedef struct zip {
+    struct libdeflate_compressor *compressor;
+    unsigned char *predicted, *compressed; /* each has the size of a chunk */
+} zip;
+
+static bool zip_begin(zip *z, size_t bytes)
+{
+    *z = (zip){libdeflate_alloc_compressor(ZIP_LEVEL), mem_alloc(bytes), mem_alloc(bytes)};
+    return z->compressor != NULL;
+}
+
+static void zip_free(zip *z)
+{
+    libdeflate_free_compressor(z->compressor);
+    free(z->predicted);
+    free(z->compressed);
+}
+
+/* The transform of the file format: the bytes of even index, then those of odd index, and of this sequence the
+ * differences between consecutive bytes, plus 128. `count` is even. */
+ISA_CLONES static void predict(const unsigned char *restrict bytes, size_t count, unsigned char *restrict out)
+{
+    const size_t half = count / 2;
+    out[0] = bytes[0];
+    for (size_t i = 1; i < half; i++) out[i] = (unsigned char)(bytes[2 * i] - bytes[2 * i - 2] + 128);
+    out[half] = (unsigned char)(bytes[1] - bytes[count - 2] + 128);
+    for (size_t i = 1; i < half; i++)
+        out[half + i] = (unsigned char)(bytes[2 * i + 1] - bytes[2 * i - 1] + 128);
+}
+
+/* A callback of the library. A chunk that does not become smaller is stored without compression. */
+static exr_result_t zip_chunk(exr_encode_pipeline_t *encoder)
+{
+    const zip *z = encoder->encoding_user_data;
+    const size_t count = encoder->packed_bytes;
+    predict(encoder->packed_buffer, count, z->predicted);
+    const size_t made =
+        libdeflate_zlib_compress(z->compressor, z->predicted, count, z->compressed, count - 1);
+    encoder->compressed_buffer = made > 0 ? z->compressed : encoder->packed_buffer;
+    encoder->compressed_bytes = made > 0 ? made : count;
+    return EXR_ERR_SUCCESS;
+}
+
+static bool is_zip(exr_compression_t compression)
+{
+    return compression == EXR_COMPRESSION_ZIPS || compression == EXR_COMPRESSION_ZIP;
+}
+
+static exr_result_t write_chunk(exr_context_t file, int y, const line *l, zip *z,
+                                exr_encode_pipeline_t *encoder)
 {
     exr_chunk_info_t chunk;
     bool first = y == 0;
@@ -325,19 +384,26 @@ static exr_result_t write_chunk(exr_context_t file, int y, const line *l, exr_en
         to->user_bytes_per_element = (int16_t)channels[c].bytes;
         to->user_data_type = (uint16_t)channels[c].type;
     }
-    if (!r && first) r = exr_encoding_choose_default_routines(file, 0, encoder);
+    if (!r && first) {
+        r = exr_encoding_choose_default_routines(file, 0, encoder);
+        encoder->encoding_user_data = z;
+        if (is_zip((exr_compression_t)chunk.compression)) encoder->compress_fn = zip_chunk;
+    }
     return r ? r : exr_encoding_run(file, 0, encoder);
 }
 
 static exr_result_t write_chunks(exr_context_t file, const image *m, line *l)
 {
-    exr_result_t r = EXR_ERR_SUCCESS;
+    zip z;
+    exr_result_t r =
+        zip_begin(&z, l->length * (size_t)l->chunk.lines) ? EXR_ERR_SUCCESS : EXR_ERR_OUT_OF_MEMORY;
     exr_encode_pipeline_t encoder = {0};
     for (int y = 0; !r && y < m->height; y += l->chunk.lines) {
         fill_chunk(l, m, y);
-        r = write_chunk(file, y, l, &encoder);
+        r = write_chunk(file, y, l, &z, &encoder);
     }
     exr_encoding_destroy(file, &encoder);
+    zip_free(&z);
     return r;
 }
 

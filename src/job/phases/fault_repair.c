@@ -21,8 +21,8 @@ static const double TRUSTED = 3;
 /* Maximum number of passes. Each extends the regions to triangles that could not be replaced. */
 enum { MOST_PASSES = 4 };
 /* If the regions have more than this fraction of the vertices, one pass over the whole mesh takes less time
- * than several passes. */
-static const double WHOLE_FROM = 0.5;
+ * than all passes over the regions. */
+static const double WHOLE_FROM = 1.0 / MOST_PASSES;
 /* Maximum number of points in the regions: the pieces of the mesh take about 3 kB per point. */
 static const size_t most_points = 200000;
 
@@ -52,7 +52,8 @@ typedef struct group {
 typedef struct repair {
     const triangulation_input *in;
     const mesh *on;
-    triangulation made;                             /* corners, triangles and hole_triangles only */
+    triangulation made;  /* corners, triangles and hole_triangles only */
+    triangulation whole; /* all triangles along the mesh; corners and triangles only; no corners: not made */
     bool *faulty, *faulty_after, *center, *is_done; /* per vertex */
     uint32_t *local;                                /* per vertex: its index in the region, or NONE */
     bool *trusted;                                  /* per vertex */
@@ -121,7 +122,7 @@ static void mark_vertices(repair *m, region *r)
         m->trusted[v] = away <= TRUSTED / REGION * r->radius[near];
         m->local[v] = away <= r->radius[near] ? (uint32_t)r->names++ : NONE;
     }
-    r->is_whole = (double)r->names > WHOLE_FROM * (double)vertices;
+    r->is_whole = (double)r->names > WHOLE_FROM * (double)vertices && m->in->count <= most_points;
     if (!r->is_whole) return;
     r->names = vertices;
     for (size_t v = 0; v < vertices; v++) {
@@ -401,7 +402,10 @@ static bool repair_pass(repair *m, bool *goes_on, error *e)
         ok = triangulate_region(m, &r, &along, &count, e) &&
              list_candidates(m, (const uint32_t(*)[3])along, count, e) && make_groups(m, e) &&
              replace_groups(m, e);
-    free(along);
+    if (ok && r.is_whole)
+        m->whole = (triangulation){.corner = along, .facts.triangles = count};
+    else
+        free(along);
     region_free(&r);
     return ok;
 }
@@ -439,8 +443,21 @@ static void keep_better(triangulation *made, triangulation *other)
     triangulation_free(other);
 }
 
+/* Surveys *other, keeps the better one in *made, and frees the other one. */
+static bool compare(const triangulation_input *in, threads *pool, triangulation *made, triangulation *other,
+                    error *e)
+{
+    const bool ok = triangulation_survey(in, pool, other, e);
+    if (ok)
+        keep_better(made, other);
+    else
+        triangulation_free(other);
+    return ok;
+}
+
+/* *is_done: another triangulation of the whole mesh gives nothing new. */
 static bool repair_locally(const triangulation_input *in, const mesh *on, threads *pool, triangulation *made,
-                           error *e)
+                           bool *is_done, error *e)
 {
     repair m = {.in = in, .on = on};
     size_t centers;
@@ -448,11 +465,15 @@ static bool repair_locally(const triangulation_input *in, const mesh *on, thread
     for (int pass = 0; ok && goes_on && centers > 0 && pass < MOST_PASSES; pass++)
         ok = threads_stopped(pool) ? error_set(e, ERROR_CANCELLED, "stopped")
                                    : repair_pass(&m, &goes_on, e) && choose_centers(&m, &centers, e);
-    ok = ok && triangulation_survey(in, pool, &m.made, e);
+    *is_done = m.whole.corner != NULL;
     if (ok)
-        keep_better(made, &m.made);
+        ok = compare(in, pool, made, &m.made, e);
     else
         triangulation_free(&m.made);
+    if (ok && *is_done)
+        ok = compare(in, pool, made, &m.whole, e);
+    else
+        triangulation_free(&m.whole);
     free(m.faulty);
     free(m.faulty_after);
     free(m.center);
@@ -477,19 +498,17 @@ static bool triangulate_whole(const triangulation_input *in, const mesh *on, thr
                                     .side = in->side,
                                     .side_count = in->side_count};
     triangulation other = {0};
-    const bool ok = surface_mesh_make(&all, &other.corner, &other.facts.triangles, e) &&
-                    triangulation_survey(in, pool, &other, e);
-    if (ok)
-        keep_better(made, &other);
-    else
-        triangulation_free(&other);
-    return ok;
+    if (surface_mesh_make(&all, &other.corner, &other.facts.triangles, e))
+        return compare(in, pool, made, &other, e);
+    triangulation_free(&other);
+    return false;
 }
 
 bool fault_repair_along(const triangulation_input *in, const mesh *on, threads *pool, triangulation *made,
                         error *e)
 {
-    if (!repair_locally(in, on, pool, made, e)) return false;
-    const bool is_done = mesh_faults_count(&made->facts) == 0 || in->count > most_points;
+    bool is_done;
+    if (!repair_locally(in, on, pool, made, &is_done, e)) return false;
+    is_done = is_done || mesh_faults_count(&made->facts) == 0 || in->count > most_points;
     return is_done || triangulate_whole(in, on, pool, made, e);
 }

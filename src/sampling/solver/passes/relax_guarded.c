@@ -95,6 +95,7 @@ static void move_lane(const sweep_job *job, const trial *t, size_t l, size_t k, 
     out->y[k] = place.y;
     out->z[k] = place.z;
     out->size[k] = place.size;
+    out->amplitude[k] = t->own.amplitude[l];
     vec3_lanes_put(&out->normal, (int)k, vec3_lanes_get(&t->step.gradient, (int)l));
 }
 
