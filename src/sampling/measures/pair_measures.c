@@ -58,20 +58,21 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
-/* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
- * determine it. Near a sharp edge the faces that meet there do not count as walls. */
-static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
-{
-    const sites *s = in->sites;
-    if (distance >= RESOLUTION_REACH * mean || (in->at_wedge[i] && in->at_wedge[j])) return INFINITY;
-    const vec3 r = vec3_sub(s->position[j], s->position[i]);
-    return fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r))) / mean;
-}
-
 /* A pair of points, from the partition's copies. */
 typedef struct pair {
     double distance, facing;
 } pair;
+
+/* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
+ * determine it. Near a sharp edge the faces that meet there do not count as walls, unless they are parallel. */
+static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, pair p, double mean)
+{
+    const sites *s = in->sites;
+    const bool at_wedge = in->at_wedge[i] && in->at_wedge[j] && p.facing > RESOLUTION_PARALLEL;
+    if (p.distance >= RESOLUTION_REACH * mean || at_wedge) return INFINITY;
+    const vec3 r = vec3_sub(s->position[j], s->position[i]);
+    return fmin(fabs(vec3_dot(s->normal[s->side[i]], r)), fabs(vec3_dot(s->normal[s->side[j]], r))) / mean;
+}
 
 static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
 {
@@ -100,7 +101,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
         const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean / h;
         const bool together = !in->pieces || s->piece[i] == s->piece[j];
         if (!(p.facing > SITES_OPPOSITE)) {
-            gap = fmin(gap, wall_gap(in, i, j, p.distance, mean));
+            gap = fmin(gap, wall_gap(in, i, j, p, mean));
         } else if (together && !(in->kept && in->kept[i] && in->kept[j])) {
             nearest = p.distance < nearest * mean ? p.distance / mean : nearest;
         }
