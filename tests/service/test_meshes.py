@@ -4,6 +4,7 @@ malformed ones does harm."""
 import functools
 import hashlib
 import json
+import re
 
 import numpy
 import pytest
@@ -449,7 +450,6 @@ def test_a_blade_thinner_than_voxels(worker, tmp_path):
     assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 800 < (at[:, 2] > 0.5).sum() < 1200
 
 
-def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worker, tmp_path):
 SQUARE = numpy.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 HEXAGON, DISC = (numpy.array([[numpy.cos(a), numpy.sin(a)] for a in 2 * numpy.pi * numpy.arange(n) / n]) for n in (6, 48))
 ANGLE = numpy.array([[0, 0], [1, 0], [1, 0.4], [0.4, 0.4], [0.4, 1], [0, 1]])
@@ -523,6 +523,7 @@ def test_a_spacing_far_too_small_for_a_mesh_is_refused_with_its_count(worker, tm
     assert max(counts) / min(counts) < 1 + 1e-9
 
 
+def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worker, tmp_path):
     """What the points cannot tell apart the triangles do that they lie on."""
     across, along = 64, 20
     u, v = (g.ravel() for g in numpy.meshgrid(numpy.arange(across + 1) / across, numpy.arange(along + 1) / along, indexing="ij"))

@@ -9,6 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "job/source/mesh_clip.h"
+#include "job/source/plan.h"
 #include "surface/levelset/fidelity.h"
 #include "surface/triangles/mesh_orientation.h"
 #include "surface/volume/voxel_size.h"
@@ -339,6 +340,12 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
                   "of closed components",
                   patches.turned, patches.m.triangle_count);
     patches.merges_near_curves = true;
+    /* before the triangles are cut into pieces as small as the spacing */
+    size_t unused;
+    if (r->target && !plan_count(r->target, mesh_area(&patches.m), 0, &unused, e)) {
+        mesh_patches_free(&patches);
+        return false;
+    }
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);

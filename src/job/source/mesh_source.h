@@ -13,6 +13,8 @@
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;
+    const struct spec
+        *target; /* a target whose count follows from the area of the triangles; NULL: another one */
     /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: it may be
      * opened as patches */
     bool alone;

@@ -300,6 +300,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
     const bbox cut = {o->spec->region.min, o->spec->region.max};
     const mesh_source_request request = {
         .spec = m,
+        .target = o->spec->spacing > 0 || o->spec->density > 0 ? o->spec : NULL,
         .alone = o->direct && !o->spec->region_inside && offset == 0,
         .resolve = o->spec->resolve,
         .as_level_set = o->spec->method == SPEC_METHOD_WITKIN_HECKBERT,
