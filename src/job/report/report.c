@@ -299,10 +299,13 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(object, "scale", g.scale);
     json_put_number(object, "least_spacing", g.least);
     json_put_number(object, "largest_spacing", g.largest);
-    if (facts->spec->curvature.chord_error > 0)
+    if (facts->spec->curvature.chord_error > 0) {
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
     if (facts->spec->has_feature) put_feature_size(object, &g.features);
     double asked = facts->spec->curvature.ratio, reached = g.largest / g.least;
+        if (facts->outputs->has_mesh)
+            json_put_number(object, "chord_error_largest", facts->outputs->chord_error);
+    }
     if (!(asked > 0)) return;
     json_put_number(json_find(report, "/requested"), "ratio", asked);
     json_put_number(json_find(report, "/reached"), "ratio", reached);

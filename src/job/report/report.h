@@ -23,6 +23,8 @@ typedef struct report_outputs {
     bool y_up;       /* y, not z, points up in pictures and scenes */
     bool has_mesh;
     triangulation_facts mesh;
+    double chord_error; /* largest distance of the triangles of the mesh from the surface, if a chord error is
+                         * requested; world units */
     json *label_meshes; /* report_fill takes ownership; or NULL */
 } report_outputs;
 
