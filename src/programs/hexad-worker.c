@@ -359,6 +359,7 @@ static spec *load_spec(FILE *file, const arguments *a, spec_faults *faults, erro
         json_free(report);
     }
     if (!document) return NULL;
+    if (!document && !a->meshes) error_prefix(e, "a spec must be a valid JSON document");
     spec *s = spec_parse(document, faults, e);
     json_free(document);
     return s;
