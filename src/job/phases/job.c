@@ -69,7 +69,9 @@ double job_bytes_per_particle(const job *j)
 static bool fits_memory(const job *j, double count, error *e)
 {
     double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(j->spec, carries_points(j), count, left, (double)j->memory, e);
+    return plan_check_memory(
+        j->spec, carries_points(j), count,
+        &(plan_memory){left, (double)j->memory, (double)run_options_most_memory(j->options)}, e);
 }
 
 /* The instruction set that the spec requests. */

@@ -51,6 +51,7 @@ typedef struct report_facts {
     const double *farthest; /* coverage of each patch */
     int64_t peak_memory;    /* bytes */
     double memory_limit;    /* limit of the job, bytes */
+    double most_memory;     /* the largest limit that the job may have, bytes; 0: unknown */
     double particle_memory; /* limit for particles, and bytes per particle */
     double bytes_per_particle;
     const report_outputs *outputs;
