@@ -505,6 +505,15 @@ def test_a_wedge_has_no_thin_walls(worker, tmp_path, diagnose, degrees):
     assert report["quality"]["thin_count"] <= 0.01 * report["count"]
 
 
+def test_a_spacing_that_takes_too_much_memory_is_refused_before_the_mesh_is_cut(worker, tmp_path):
+    """The message has the count, and no limit that no job may have."""
+    write_plate(tmp_path / "box.obj", SQUARE, 1, numpy.eye(3))
+    done = worker({**mesh("box.obj"), "sampling": {"spacing": 0.0004}}, "--most-memory-mb", 6000)
+    told = json.loads(done.stderr.splitlines()[-1])
+    assert told["code"] == "limit_memory" and "limits.memory_mb: 43301270 points require about " in told["message"], told
+    assert told["message"].endswith("a job may have at most 6000, so ask for fewer points")
+
+
 @pytest.mark.parametrize("target", [{"spacing": 1e-5}, {"spacing": 1e-9}, {"density": 1e12}])
 def test_a_spacing_far_too_small_for_a_mesh_is_refused_with_its_count(worker, tmp_path, target):
     """At once, as for a formula of the same area, by a job and by its estimate."""
