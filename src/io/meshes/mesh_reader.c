@@ -470,8 +470,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     if (strstr(why, "No suitable reader")) {
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
-            "the file is not a mesh in a known format (by its name and first bytes): save it as "
-            "PLY, OBJ, STL or OFF");
+            "its format is not known, by its name and first bytes: it is neither a mesh nor a volume that is "
+            "read. Save a mesh as PLY, OBJ, STL or OFF, and a volume as OpenVDB or NRRD.");
     }
     const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
     snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");
