@@ -22,7 +22,7 @@ function describe({spec, area, count, measured}) {
   const [surface] = Object.values(spec.surface);
   const chosen = Object.entries(surface).filter(([name, value]) => name !== "path" && typeof value !== "object")
     .map(([name, value]) => `${name} ${typeof value === "number" ? numberOf(value) : value}`);
-  return [...chosen, area && `area ${measured ? "" : "about "}${measured ? numberOf(area) : Number(area.toPrecision(2))}`, count && `${countOf(count)} points resolve it`].filter(Boolean).join(", ");
+  return [...chosen, area && `surface area ${measured ? "" : "about "}${measured ? numberOf(area) : Number(area.toPrecision(2))}`, count && `${countOf(count)} points resolve it`].filter(Boolean).join(", ");
 }
 
 /** `name` is the file's, `chosen` one of the suggestions. */

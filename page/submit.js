@@ -86,7 +86,7 @@ function Estimate({validation, busy}) {
   return html`<div class="card estimate" role="status" aria-busy=${busy}>
     ${!validation ? html`<p class="dim">${busy ? "Checking …" : "Not checked yet"}</p>`
       : !estimate ? html`<p>The spec is good. ${busy ? "Its estimate comes after those of others …" : `There is no estimate: ${validation.estimate_missing}.`}</p>`
-      : html`<dl><div><dt>Points</dt><dd>${countOf(estimate.count)}</dd></div><div><dt>Area</dt><dd>${numberOf(estimate.area)}</dd></div>
+      : html`<dl><div><dt>Points</dt><dd>${countOf(estimate.count)}</dd></div><div><dt>Surface area</dt><dd>${numberOf(estimate.area)}</dd></div>
         <div><dt>Memory</dt><dd>${bytesOf(estimate.memory_bytes)}</dd></div><div><dt>Time, about</dt><dd>${durationOf(estimate.seconds)}</dd></div></dl>`}</div>`;
 }
 

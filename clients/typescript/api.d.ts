@@ -583,7 +583,8 @@ export type JobSpec = {
     curvature?: {
       /**
        * Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours deviates from
-       * the surface by chord_error. The report states the error that the count achieves. (world)
+       * the surface by chord_error. The report states the nominal error of the count, and with output.mesh
+       * the largest one of the mesh. (world)
        */
       chord_error?: number;
       /**
@@ -1754,7 +1755,8 @@ export type AnsweredSpec = {
     curvature?: {
       /**
        * Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours deviates from
-       * the surface by chord_error. The report states the error that the count achieves. (world)
+       * the surface by chord_error. The report states the nominal error of the count, and with output.mesh
+       * the largest one of the mesh. (world)
        */
       chord_error?: number;
       /**

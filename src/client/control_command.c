@@ -227,8 +227,8 @@ int command_usage(client *c, const char *argument, const command_options *option
     return code;
 }
 
-/* Begins or ends a drain or a hold of the service. */
-static int change_service(client *c, const char *path, const command_options *options)
+/* Begins or ends a drain or a hold of the service. `ended`: the state after the end; NULL: it begins. */
+static int change_service(client *c, const char *path, const char *ended, const command_options *options)
 {
     if (options->json) return print_whole(c, "POST", path);
     json *document = NULL;
@@ -236,6 +236,8 @@ static int change_service(client *c, const char *path, const command_options *op
     json_at root = json_root(document);
     double running = json_number(json_member(&root, "running"), 0);
     if (code == COMMAND_OK) {
+        const bool drains = strcmp(json_string(json_member(&root, "status"), ""), "draining") == 0;
+        if (ended && !drains) puts(ended);
         terminal_text_print(stdout, "%.0f attempt%s run%s\n", running, running == 1 ? "" : "s",
                             running == 1 ? "s" : "");
         command_explain_waiting(c, stdout);
@@ -247,23 +249,23 @@ static int change_service(client *c, const char *path, const command_options *op
 int command_drain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/drain", options);
+    return change_service(c, "/v1/admin/drain", NULL, options);
 }
 
 int command_hold(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/hold", options);
+    return change_service(c, "/v1/admin/hold", NULL, options);
 }
 
 int command_release(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/release", options);
+    return change_service(c, "/v1/admin/release", "the hold is ended", options);
 }
 
 int command_undrain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/resume", options);
+    return change_service(c, "/v1/admin/resume", "the drain is ended: the service accepts jobs", options);
 }

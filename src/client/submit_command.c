@@ -102,7 +102,7 @@ static char *read_spec(const char *path, const char *given, const command_option
     if (!text) {
         print_failure("%s", e.message);
     } else if (!document) {
-        print_failure("%s: %s", name_of(path), e.message);
+        print_failure("%s: a spec must be a valid JSON document: %s", name_of(path), e.message);
         free(text);
         text = NULL;
     } else if (options->priority || options->label_count) {

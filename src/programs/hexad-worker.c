@@ -84,6 +84,7 @@ static const char help_text[] =
     "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
     "                     without its directory; may be given several times\n"
     "  --memory-mb N      memory limit of a job without limits.memory_mb (MiB, default 4096)\n"
+    "  --most-memory-mb N the largest limits.memory_mb that messages suggest (default: no maximum)\n"
     "  --threads N        maximum number of threads, and the number for a job without solver.threads\n"
     "                     (default: no maximum, and one thread per processor)\n"
     "  --frame N          the frame of a spec with queue.frames\n"
@@ -164,7 +165,7 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress, json;
-    long progress_fd, memory_mb, threads, frame; /* -1: none */
+    long progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
 } arguments;
 
@@ -241,6 +242,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {WORKER_OPTION_PROGRESS_FD, required_argument, NULL, 'f'},
                                             {WORKER_OPTION_INPUT_ROOT, required_argument, NULL, 'r'},
                                             {WORKER_OPTION_MEMORY_MB, required_argument, NULL, 'm'},
+                                            {WORKER_OPTION_MOST_MEMORY_MB, required_argument, NULL, 'M'},
                                             {WORKER_OPTION_PREVIOUS, required_argument, NULL, 'v'},
                                             {WORKER_OPTION_THREADS, required_argument, NULL, 't'},
                                             {WORKER_OPTION_FRAME, required_argument, NULL, 'n'},
@@ -268,6 +270,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number(WORKER_OPTION_PROGRESS_FD, optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB, &a->memory_mb, e))
+                return false;
+        } else if (c == 'M') {
+            if (!parse_number(WORKER_OPTION_MOST_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB,
+                              &a->most_memory_mb, e))
                 return false;
         } else if (c == 's') {
             if (!sandbox_mode_from_name(optarg, &a->sandbox))
@@ -353,6 +359,7 @@ static spec *load_spec(FILE *file, const arguments *a, spec_faults *faults, erro
     if (!text) return NULL;
     json *document = json_parse(text, length, e);
     free(text);
+    if (!document && !a->meshes) error_prefix(e, "a spec must be a valid JSON document");
     if (document && a->meshes) {
         json *report = document;
         document = attached_spec(a, report, e);
@@ -459,6 +466,7 @@ static int obey(int argc, char **argv, command *what)
         .output = a.output,
         .roots = roots,
         .memory_mb = a.memory_mb,
+        .most_memory_mb = a.most_memory_mb,
         .threads = (int)a.threads,
         .frame = (int)a.frame,
         .previous = a.previous ? &previous : NULL,
@@ -565,6 +573,7 @@ static int inspect(int argc, char **argv)
     const run_options options = {.output = a.output,
                                  .roots = roots,
                                  .memory_mb = a.memory_mb,
+                                 .most_memory_mb = a.most_memory_mb,
                                  .threads = (int)a.threads,
                                  .progress_fd = (int)a.progress_fd,
                                  .cancel = &cancel_requested,

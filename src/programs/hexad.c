@@ -1100,17 +1100,25 @@ static void warn_of_unknown_names(const config_list *names, bool group, const ch
         if (!access_check_name(names->item[i], group, &e)) warn(setting, e.message);
 }
 
+/* Whether all input roots can be opened, without which hexad does not start. Prints those that cannot. */
+static bool opens_inputs(const config_list *inputs)
+{
+    bool all = true;
+    for (size_t i = 0; i < inputs->count; i++) {
+        error e = {0};
+        const char *const one = inputs->item[i];
+        store_roots *opened = store_roots_open(NULL, &one, 1, &e);
+        if (!opened) terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
+        all &= opened != NULL;
+        store_roots_close(opened);
+    }
+    return all;
+}
+
 static void warn_of_roots(const service *s)
 {
     const config_list *inputs = &s->settings.input_roots;
     error e = {0};
-    for (size_t i = 0; i < inputs->count; i++) {
-        const char *const one = inputs->item[i];
-        store_roots *opened = store_roots_open(NULL, &one, 1, &e);
-        if (!opened)
-            terminal_text_print(stderr, "hexad: warning: %s; without it hexad does not start\n", e.message);
-        store_roots_close(opened);
-    }
     warn_of_unreadable_inputs(inputs);
     for (size_t i = 0; i < s->output_roots.root_count; i++) {
         const char *root = s->output_root[i];
@@ -1145,7 +1153,7 @@ static bool read_values(service *s, error *e)
 }
 
 /* Checks the values of the settings, as far as a reload or a start would refuse them, and warns of users and
- * directories that do not exist. */
+ * directories that do not exist. Returns the exit status. */
 static int check_settings(service *s)
 {
     const config *c = &s->settings;
@@ -1163,6 +1171,8 @@ static int check_settings(service *s)
     visit_open_directories(c, warn);
     warn_of_roots(s);
     free_output_roots(s);
+    fflush(stderr);
+    if (!opens_inputs(&c->input_roots)) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
     terminal_text_print(stdout, "no faults in the settings%s%s\n", c->file ? " of " : "",
                         c->file ? c->file : "");
     return EXIT_SUCCESS;

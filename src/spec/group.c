@@ -126,6 +126,17 @@ void group_read_default(reading *r, const spec_row *row, const char *otherwise, 
     json_free(root);
 }
 
+/* Adds the fault that a required member is absent. It names the values that the member may have. */
+static void add_required(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (row->type == SPEC_TYPE_GROUP || row->type == SPEC_TYPE_SURFACE)
+        reading_add_mismatch(r, at, "must be an object");
+    else if (strcmp(spec_row_key(row), "isovalue") == 0)
+        reading_add_mismatch(r, at, "must be a number: hexadctl inspect FILE suggests one");
+    else
+        member_value_read(r, at, row, normal);
+}
+
 static void read_member_group(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     bool on = at->node || !(row->flags & SPEC_OPTIONAL);
@@ -138,7 +149,7 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = on;
     if (!on) return;
     if (!place.node && row->flags & SPEC_REQUIRED) {
-        reading_add_fault(r, at, "is required");
+        add_required(r, at, row, normal);
         return;
     }
     read_members(r, &place, row->pointer, spec_row_first_below(row),
@@ -224,7 +235,7 @@ void group_read_row(reading *r, const json_at *group, const spec_row *row, json 
     if (at.node)
         read_member(r, &at, row, normal);
     else if (row->flags & SPEC_REQUIRED)
-        reading_add_fault(r, &at, "is required");
+        add_required(r, &at, row, normal);
     else if (row->flags & SPEC_DEPENDENT)
         reading_add_absent(r, row, normal);
     else if (row->otherwise)

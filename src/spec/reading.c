@@ -108,8 +108,10 @@ void reading_add_mismatch(reading *r, const json_at *at, const char *format, ...
     if (!fault) return;
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+    const int begin = snprintf(fault->detail, sizeof fault->detail, "%s", at->node ? "" : "is required and ");
+    vsnprintf(fault->detail + begin, sizeof fault->detail - (size_t)begin, format, arguments);
     va_end(arguments);
+    if (!at->node) return;
     const size_t length = strlen(fault->detail);
     describe(*at, given);
     snprintf(fault->detail + length, sizeof fault->detail - length, " (given %s)", given);

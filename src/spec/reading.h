@@ -75,7 +75,8 @@ void reading_add_missing_part(reading *r, const json_at *at, const char *why);
 /* Adds the fault that the value is not of this kind ("an integer"), or is out of the row's range. */
 void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind);
 
-/* reading_add_fault, with the value after the text: "(given 7)". */
+/* reading_add_fault for a text that begins with "must be", with the value after it: "(given 7)". If the member is
+ * absent, the text says instead that it is required. */
 void reading_add_mismatch(reading *r, const json_at *at, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

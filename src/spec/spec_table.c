@@ -995,8 +995,8 @@ const spec_row spec_rows[] = {
      AT(curvature.chord_error),
      .unit = "world",
      .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours "
-              "deviates from the surface by chord_error. The report states the error that the count "
-              "achieves."},
+              "deviates from the surface by chord_error. The report states the nominal error of the "
+              "count, and with output.mesh the largest one of the mesh."},
     {.pointer = MEMBER("/sampling/curvature", "ratio"),
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_CURVATURE,

@@ -104,6 +104,23 @@ def test_a_warning_of_thin_walls_does_not_ask_for_more_points_than_the_maximum(e
     assert advice["set"] == {} and "the maximum of 100000000 points" in advice["message"], advice
 
 
+def test_advice_names_no_memory_that_no_job_may_have(new_service, tmp_path):
+    """The advice for a thin plate takes 280 000 points; that of a service with little memory sets nothing."""
+    (tmp_path / "plate.obj").write_text(PLATE.replace("1e-05", "0.002"))
+    spec = sphere(surface={"mesh": {"path": str(tmp_path / "plate.obj")}}, sampling={"count": 1000})
+    needed = None
+    for most in (4000, 120):
+        service = new_service("--input_roots", tmp_path, "--host_memory_mb", most, "--memory_mb", 100).start()
+        (advice,) = service.post("/v1/jobs:validate", spec).json["estimate"]["advice"]
+        if most == 4000:
+            needed = advice["set"]["/limits/memory_mb"]
+            assert 120 < needed <= 4000, advice
+        else:
+            assert advice["set"] == {} and f"about {needed} MiB, more than the 120 MiB that a job may have" in advice["message"], advice
+        told = service.post("/v1/jobs:validate", sphere(sampling={"spacing": 0.0008})).json["detail"]
+        assert ("a job may have at most 120, so ask for fewer points" in told) == (most == 120), told
+
+
 def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
     spec = sphere(surface=write_balls(tmp_path), queue={"frames": "3-4", "coherent": True})
     assert worker(spec, "--frame", 3, output="3").returncode in (0, 10, 11)

@@ -395,5 +395,20 @@ def test_settings_are_checked_without_a_start(build, tmp_path):
                          f"input_roots = {tmp_path}/none\noutput_roots = {tmp_path}/none\n")
     assert status == 0, told
     for part in ("user_weights: this machine has no user no-such-user", "user_priorities: this machine has no user gone", "unix_users: ",
-                 f"input_roots: cannot open the input root {tmp_path}/none", f"output_roots: cannot open the output root {tmp_path}/none"):
+                 f"output_roots: cannot open the output root {tmp_path}/none"):
         assert f"hexad: warning: {part}" in told, told
+
+
+def test_a_check_of_settings_says_that_hexad_would_not_start(build, tmp_path):
+    """As it then does not; only --strict changes the exit status."""
+    file = tmp_path / "hexad.conf"
+    file.write_text(f"input_roots = {tmp_path}/none, {tmp_path}\noutput_roots = {tmp_path}/away\n")
+    where = ("--config", file, "--state_dir", tmp_path / "state")
+    for words, status in (((), 0), (("--strict",), 1)):
+        done = run_hexad(build, *where, "--check-settings", *words)
+        assert done.returncode == status and "no faults" not in done.stdout
+        assert done.stdout.startswith(f"hexad would not start: input_roots: cannot open the input root {tmp_path}/none: No such file or directory")
+    assert run_hexad(build, *where).returncode == 1
+    (tmp_path / "none").mkdir()
+    assert run_hexad(build, *where, "--check-settings", "--strict").stdout == f"no faults in the settings of {file}\n"
+    assert run_hexad(build, *where, "--strict").returncode == 2

@@ -4,6 +4,7 @@ malformed ones does harm."""
 import functools
 import hashlib
 import json
+import re
 
 import numpy
 import pytest
@@ -447,6 +448,88 @@ def test_a_blade_thinner_than_voxels(worker, tmp_path):
     assert report["mesh"]["closed"]
     assert report["count"] == 2000 and report["quality"]["lost"] == 0 and report["quality"]["coverage"] < 0.8
     assert numpy.abs(numpy.abs(at[:, 2] - 0.5) - 0.5).max() < 0.01 and 800 < (at[:, 2] > 0.5).sum() < 1200
+
+
+SQUARE = numpy.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+HEXAGON, DISC = (numpy.array([[numpy.cos(a), numpy.sin(a)] for a in 2 * numpy.pi * numpy.arange(n) / n]) for n in (6, 48))
+ANGLE = numpy.array([[0, 0], [1, 0], [1, 0.4], [0.4, 0.4], [0.4, 1], [0, 1]])
+
+
+def write_plate(path, outline, thickness, turn, lower=1.0):
+    """A prism: its two faces, whose lower one may be smaller, and a rim of one quad for each side."""
+    n, middle = len(outline), outline.mean(0)
+    below = middle + lower * (outline - middle)
+    corners = numpy.concatenate([numpy.c_[outline, numpy.full(n, thickness)], numpy.c_[below, numpy.zeros(n)]])
+    faces = [list(range(n)), list(range(2 * n - 1, n - 1, -1))] + [[k, n + k, n + (k + 1) % n, (k + 1) % n] for k in range(n)]
+    path.write_text("\n".join(["v %.17g %.17g %.17g" % tuple(v) for v in corners @ turn.T]
+                              + ["f " + " ".join(str(k + 1) for k in f) for f in faces]) + "\n")
+
+
+@pytest.mark.parametrize("outline, size, thickness, lower, turned", [
+    (SQUARE, 10, 0.1, 1, False), (SQUARE, 10, 0.1, 1, True), (SQUARE, 22, 0.4, 1, True), (HEXAGON, 8, 0.02, 1, True), (ANGLE, 24, 0.3, 1, True),
+    (DISC, 8, 0.1, 1, True), (DISC, 8, 0.2, 0.97, True)], ids=["axes", "square", "wide", "hexagon", "angle", "disc", "bevelled"])
+def test_every_point_between_the_rims_of_a_plate_is_on_a_thin_wall(worker, tmp_path, diagnose, outline, size, thickness, lower, turned):
+    """Thinner and narrower than the points near their edges reach; against the sides on which the points are."""
+    seed = 8204
+    turn = numpy.linalg.qr(numpy.random.default_rng(seed).normal(size=(3, 3)))[0] if turned else numpy.eye(3)
+    write_plate(tmp_path / "plate.obj", size * outline, thickness, turn * numpy.sign(numpy.linalg.det(turn)), lower)
+    job = mesh("plate.obj", features={"angle": 0.6})
+    job["sampling"] = {"spacing": 1}
+    done = worker(job)
+    assert done.returncode in (0, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    up = (points.normal @ (turn * numpy.sign(numpy.linalg.det(turn))))[:, 2]
+    walls = [points.position[(points.feature == 0) & (side > 0.99)] for side in (up, -up)]
+    wanted = sum((scipy.spatial.cKDTree(other).query(own)[0] < 1.6).sum() for own, other in (walls, walls[::-1]))
+    most = sum((scipy.spatial.cKDTree(other).query(own)[0] < 1.8).sum() for own, other in (walls, walls[::-1]))
+    diagnose(f"seed {seed}: {report['quality']['thin_count']} of {report['count']} points, {wanted} to {most} with a point of the other wall")
+    assert wanted > 0.6 * report["count"]
+    assert wanted <= report["quality"]["thin_count"] <= most
+    assert any("walls thinner than 1.2 spacings" in warning for warning in report["surface"]["warnings"])
+
+
+@pytest.mark.parametrize("degrees", [20, 35, 50])
+def test_a_wedge_has_no_thin_walls(worker, tmp_path, diagnose, degrees):
+    """Its two faces come close only where they meet."""
+    seed = 8205
+    turn = numpy.linalg.qr(numpy.random.default_rng(seed).normal(size=(3, 3)))[0]
+    turn *= numpy.sign(numpy.linalg.det(turn))
+    outline = 20 * numpy.array([[0, 0], [1, 0], [numpy.cos(numpy.radians(degrees)), numpy.sin(numpy.radians(degrees))]])
+    write_plate(tmp_path / "wedge.obj", outline, 20, turn)
+    job = mesh("wedge.obj")
+    job["sampling"] = {"spacing": 1}
+    assert worker(job).returncode in (0, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    diagnose(f"seed {seed}: {report['quality']['thin_count']} of {report['count']} points")
+    assert report["quality"]["thin_count"] <= 0.01 * report["count"]
+
+
+def test_a_spacing_that_takes_too_much_memory_is_refused_before_the_mesh_is_cut(worker, tmp_path):
+    """The message has the count, and no limit that no job may have."""
+    write_plate(tmp_path / "box.obj", SQUARE, 1, numpy.eye(3))
+    done = worker({**mesh("box.obj"), "sampling": {"spacing": 0.0004}}, "--most-memory-mb", 6000)
+    told = json.loads(done.stderr.splitlines()[-1])
+    assert told["code"] == "limit_memory" and "limits.memory_mb: 43301270 points require about " in told["message"], told
+    assert told["message"].endswith("a job may have at most 6000, so ask for fewer points")
+
+
+@pytest.mark.parametrize("target", [{"spacing": 1e-5}, {"spacing": 1e-9}, {"density": 1e12}])
+def test_a_spacing_far_too_small_for_a_mesh_is_refused_with_its_count(worker, tmp_path, target):
+    """At once, as for a formula of the same area, by a job and by its estimate."""
+    write_plate(tmp_path / "box.obj", SQUARE, 1, numpy.eye(3))
+    box = mesh("box.obj")
+    formula = {"analytic": {"shape": "box", "half_size": [0.5, 0.5, 0.5]}}
+    counts = set()
+    for surface in (box["surface"], formula):
+        for command in ("run", "estimate"):
+            done = worker({**box, "surface": surface, "features": surface is formula, "sampling": target}, command=command)
+            told = json.loads(done.stderr.splitlines()[-1])
+            assert told["code"] == "spec_invalid", told
+            words = re.fullmatch(rf"/sampling/{next(iter(target))}: \S+ gives (\d+) points on the area of 6, and at most 100000000 are "
+                                 "allowed: set it to .*, in the units of the surface", told["message"])
+            counts.add(float(words[1]))
+    assert max(counts) / min(counts) < 1 + 1e-9
 
 
 def test_an_open_sheet_in_folds_narrower_than_the_spacing_has_a_whole_mesh(worker, tmp_path):

@@ -123,7 +123,8 @@ def test_regions_that_are_none(worker, tmp_path):
             (ball(1), {}, "exactly one of inside, min"),
             (ball(1), {"inside": ball(1), "min": [0, 0, 0]}, "exactly one of inside, min"),
             (below(0), {"inside": below(1)}, "is unbounded"),
-            (ball(1), {"inside": ball(0.5)}, "the surface is empty"),
+            (ball(1), {"inside": ball(0.5)}, "/region/inside: the solid, between (-0.51"),
+            (ball(1), {"inside": ball(0.5)}, "contains no part of the surface, which is between (-1.0"),
             (ball(1), {"inside": {"mesh": {"path": "open.off"}}}, "or a region must be closed"),
             (ball(1), {"inside": {"mesh": {"path": "missing.off"}}}, "missing.off")):
         done = worker(sphere(100, surface=surface, region=region))

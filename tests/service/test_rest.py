@@ -151,7 +151,9 @@ def test_media_type(service):
 @pytest.mark.sanitized
 @pytest.mark.parametrize("raw", ["", "{", "nonsense", '{"version":1}x', '{"a":1,"a":2}', b'"\xff"', "[" * 100000])
 def test_what_is_not_json_is_400(service, raw):
-    expect_problem(service.post("/v1/jobs", raw=raw), 400, "json_invalid")
+    answer = service.post("/v1/jobs", raw=raw)
+    expect_problem(answer, 400, "json_invalid")
+    assert answer.json["detail"].startswith("a spec must be a valid JSON document: line ")
 
 
 def test_nonsense_specs_are_422_with_pointers(service):

@@ -62,6 +62,37 @@ static void numbers_are_exact(void **state)
     }
 }
 
+/* Equal indices, or indices of equal vertices, at any corner of a polygon: the triangles are those of the distinct
+ * corners. A quadrangle with one pair of equal corners is a triangle, and one with two pairs is none. */
+static void polygons_with_equal_corners_are_those_of_their_distinct_corners(void **state)
+{
+    (void)state;
+    static const char vertices[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0\nv 2 .5 0\n";
+    static const struct {
+        const char *face;
+        size_t triangles;
+        double area;
+    } cases[] = {{"1 1 2 3", 1, 0.5}, {"1 2 2 3", 1, 0.5},   {"1 2 3 3", 1, 0.5},     {"1 2 3 1", 1, 0.5},
+                 {"1 2 3 5", 1, 0.5}, {"5 1 2 3", 1, 0.5},   {"1 2 6 3 3 4", 3, 1.5}, {"1 1 2 3 4", 2, 1},
+                 {"1 1 2 2", 0, 0},   {"1 1 1 2 3", 1, 0.5}, {"1 5 1 5", 0, 0}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char text[256];
+        plain_mesh m = {0};
+        snprintf(text, sizeof text, "%sf %s\n", vertices, cases[k].face);
+        assert_true(read_text("obj", text, &m));
+        double area = 0;
+        for (size_t n = 0; n < m.triangles; n++) {
+            const double *p = m.vertex[m.triangle[n][0]], *q = m.vertex[m.triangle[n][1]],
+                         *r = m.vertex[m.triangle[n][2]];
+            area += 0.5 * ((q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]));
+        }
+        if (m.triangles != cases[k].triangles || fabs(area - cases[k].area) > 1e-15 || m.crossed > 0)
+            fail_msg("f %s: %zu triangles, area %g, %zu crossed", cases[k].face, m.triangles, area,
+                     m.crossed);
+        plain_mesh_free(&m);
+    }
+}
+
 static void positions_keep_their_precision(void **state)
 {
     (void)state;
@@ -389,6 +420,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(polygons_are_kept_on_request),
         cmocka_unit_test(numbers_are_exact),
+        cmocka_unit_test(polygons_with_equal_corners_are_those_of_their_distinct_corners),
         cmocka_unit_test(positions_keep_their_precision),
         cmocka_unit_test(polygons_become_triangles),
         cmocka_unit_test(binary_files),

@@ -81,6 +81,12 @@ static void a_count_out_of_range_recommends_a_value_that_is_accepted(void **stat
     }
 }
 
+static bool fits(const spec *s, double count, double left, double limit, error *e)
+{
+    const plan_memory memory = {left, limit, 0};
+    return plan_check_memory(s, false, count, &memory, e);
+}
+
 static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
 {
     (void)state;
@@ -93,8 +99,8 @@ static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
     assert_true(plan_bytes_per_particle(&plain, true) > each);
     assert_true(plan_particle_memory(&plain, 1000, 300) == 700);
     assert_true(plan_particle_memory(&pictures, 0, 0) < 0);
-    assert_true(plan_check_memory(&plain, false, 100, 100 * each, 200 * each, &e));
-    assert_false(plan_check_memory(&plain, false, 101, 100 * each, 200 * each, &e));
+    assert_true(fits(&plain, 100, 100 * each, 200 * each, &e));
+    assert_false(fits(&plain, 101, 100 * each, 200 * each, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
@@ -104,18 +110,37 @@ static void the_limit_that_a_message_recommends_is_sufficient(void **state)
     error e = {0};
     spec plain = {0};
     const double mib = 1 << 20, limit = 64 * mib, used = 20 * mib;
-    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    assert_false(fits(&plain, 1e6, limit - used, limit, &e));
     assert_non_null(strstr(e.message, "the surface and the preview leave 44 of 64 MiB"));
     const double enough = mib * number_after(e.message, "set it to at least ");
-    assert_true(plan_check_memory(&plain, false, 1e6, enough - used, enough, &e));
-    assert_false(plan_check_memory(&plain, false, 1e6, enough - mib - used, enough - mib, &e));
-    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    assert_true(fits(&plain, 1e6, enough - used, enough, &e));
+    assert_false(fits(&plain, 1e6, enough - mib - used, enough - mib, &e));
+    assert_false(fits(&plain, 1e6, limit - used, limit, &e));
     assert_null(strstr(e.message, "/sampling/count")); /* the target is another one */
     plain.count = 1e6;
-    assert_false(plan_check_memory(&plain, false, 1e6, limit - used, limit, &e));
+    assert_false(fits(&plain, 1e6, limit - used, limit, &e));
     const double fewer = number_after(e.message, "lower /sampling/count to at most ");
-    assert_true(plan_check_memory(&plain, false, fewer, limit - used, limit, &e));
-    assert_false(plan_check_memory(&plain, false, 1.01 * fewer, limit - used, limit, &e));
+    assert_true(fits(&plain, fewer, limit - used, limit, &e));
+    assert_false(fits(&plain, 1.01 * fewer, limit - used, limit, &e));
+}
+
+static void a_message_recommends_no_limit_that_no_job_may_have(void **state)
+{
+    (void)state;
+    error e = {0};
+    spec plain = {.count = 1e6};
+    const double mib = 1 << 20, limit = 64 * mib, left = 44 * mib, most = 128 * mib;
+    const plan_memory memory = {left, limit, most}, wide = {left, limit, 1e4 * mib};
+    assert_false(plan_check_memory(&plain, false, 1e6, &memory, &e));
+    assert_null(strstr(e.message, "set it to"));
+    assert_non_null(strstr(e.message, "a job may have at most 128"));
+    const double fewer = number_after(e.message, "lower /sampling/count to at most ");
+    assert_true(plan_check_memory(&plain, false, fewer, &memory, &e));
+    plain.count = 0;
+    assert_false(plan_check_memory(&plain, false, 1e6, &memory, &e));
+    assert_non_null(strstr(e.message, "a job may have at most 128, so ask for fewer points"));
+    assert_false(plan_check_memory(&plain, false, 1e6, &wide, &e));
+    assert_true(number_after(e.message, "set it to at least ") < 1e4);
 }
 
 static void memory_includes_defect_repair(void **state)
@@ -159,6 +184,7 @@ int main(void)
         cmocka_unit_test(a_count_out_of_range_names_its_target),
         cmocka_unit_test(a_count_out_of_range_recommends_a_value_that_is_accepted),
         cmocka_unit_test(the_limit_that_a_message_recommends_is_sufficient),
+        cmocka_unit_test(a_message_recommends_no_limit_that_no_job_may_have),
         cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
         cmocka_unit_test(memory_includes_defect_repair),
         cmocka_unit_test(defects_of_patches_are_repaired),

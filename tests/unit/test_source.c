@@ -47,7 +47,8 @@ static spec *read_spec(const char *member, const char *more)
 static bool try_open(const char *member, const char *more, opened *out, error *e)
 {
     out->spec = read_spec(member, more);
-    return source_open(out->spec, NULL, MEMORY, isa_best(), mesh_fixture_pool(), &out->source, e);
+    const source_memory_limits limits = {MEMORY, 0};
+    return source_open(out->spec, NULL, &limits, isa_best(), mesh_fixture_pool(), &out->source, e);
 }
 
 static void open_surface(const char *member, const char *more, opened *out)

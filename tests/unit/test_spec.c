@@ -849,13 +849,24 @@ static void test_faults(void **state)
     (void)state;
     const error_code invalid = ERROR_SPEC_INVALID;
     expect_fault("[]", invalid, "", "must be an object (given an array of 0)");
-    expect_fault("{}", invalid, "/version", "is required");
-    expect_fault("{}", invalid, "/surface", "is required");
-    expect_fault("{}", invalid, "/sampling", "is required");
+    expect_fault("{}", invalid, "/version", "is required and must be 1");
+    expect_fault("{}", invalid, "/surface", "is required and must be an object");
+    expect_fault("{}", invalid, "/sampling", "is required and must be an object");
     expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
     expect_fault("{\"surface\":{}}", invalid, "/surface", "give exactly one of vdb, mesh, analytic");
     expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
-    expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
+    expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path",
+                 "is required and must be a string");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\"}}}", invalid, "/surface/analytic/radius",
+                 "is required and must be a number above 0 and at most ");
+    expect_fault("{\"surface\":{\"analytic\":{\"radius\":1}}}", invalid, "/surface/analytic/shape",
+                 "is required and must be one of \"sphere\", ");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\"}}}", invalid, "/surface/analytic/half_size",
+                 "is required and must be an array of three numbers");
+    expect_fault("{\"surface\":{\"offset\":{\"distance\":1}}}", invalid, "/surface/offset/surface",
+                 "is required and must be an object");
+    expect_fault("{\"surface\":{\"volume\":{\"path\":\"a.nrrd\"}}}", invalid, "/surface/volume/isovalue",
+                 "is required and must be a number: hexadctl inspect FILE suggests one");
     expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path",
                  "characters (given 0)");
     expect_fault("{\"surface\":{\"mesh\":{\"path\":\"a.stl\",\"voxel_size\":1,\"resolution\":9}}}", invalid,
@@ -911,7 +922,7 @@ static void test_faults(void **state)
     expect_fault("{\"sampling\":{\"time_s\":9,\"curvature\":{\"ratio\":2},\"min_spacing\":0.1}}", invalid,
                  "/sampling/time_s", "remove min_spacing");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma",
-                 "is required");
+                 "is required and must be a number above 0");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",

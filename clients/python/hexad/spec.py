@@ -747,7 +747,8 @@ class SamplingCurvature(_SamplingCurvatureRest):
     as many points as the target. Requires the method sized.
 
     chord_error: Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours
-        deviates from the surface by chord_error. The report states the error that the count achieves. (world)
+        deviates from the surface by chord_error. The report states the nominal error of the count, and with
+        output.mesh the largest one of the mesh. (world)
     ratio: The maximum ratio of the largest to the smallest spacing. The spacing is proportional to
         kappa^-exponent. A surface with almost uniform curvature reaches a smaller ratio. The smallest spacing
         is used on the most curved 1 % of the area, or on as little as 1/8 % if gradation would otherwise

@@ -42,6 +42,8 @@ static bool is_dxf(const char *data, size_t size)
     "the file is a " what " file, which the ending of its name does not say. Name it " endings "."
 #define NOT_READ(what) "the file is " what ", which is not read. Convert it with "
 #define BLENDER "Blender: import it, and export PLY or OBJ."
+#define NO_SURFACE(what) \
+    "the file is a " what ", which is neither a mesh nor a volume. Name the file of the surface."
 #define OTHER_IMAGE(what) "the file is a " what " image: `oiiotool IMAGE -o IMAGE.exr` converts it"
 
 // clang-format off
@@ -164,13 +166,13 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .content_type = "image/x-exr", .as_volume = "an EXR image (use surface.exr)"},
     [FILE_FORMAT_PNG] = {.name = "PNG", .ending = {".png"}, .beginning = {{0, 4, "\x89PNG"}},
         .kind = FILE_FORMAT_IMAGES, .is_written = true, .content_type = "image/png",
-        .as_image = OTHER_IMAGE("PNG")},
+        .as_mesh = NO_SURFACE("PNG image"), .as_image = OTHER_IMAGE("PNG")},
     [FILE_FORMAT_JPEG] = {.name = "JPEG", .ending = {".jpg", ".jpeg"}, .beginning = {{0, 3, "\xff\xd8\xff"}},
-        .kind = FILE_FORMAT_IMAGES, .as_image = OTHER_IMAGE("JPEG")},
+        .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE("JPEG image"), .as_image = OTHER_IMAGE("JPEG")},
     [FILE_FORMAT_DPX] = {.name = "DPX", .ending = {".dpx"}, .beginning = {{0, 4, "SDPX"}, {0, 4, "XPDS"}},
-        .kind = FILE_FORMAT_IMAGES, .as_image = OTHER_IMAGE("DPX")},
+        .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE("DPX image"), .as_image = OTHER_IMAGE("DPX")},
     [FILE_FORMAT_JSON] = {.name = "JSON", .ending = {".json"}, .kind = FILE_FORMAT_DOCUMENTS,
-        .is_written = true, .content_type = "application/json"},
+        .is_written = true, .content_type = "application/json", .as_mesh = NO_SURFACE("JSON document")},
 };
 // clang-format on
 

@@ -35,6 +35,7 @@ typedef enum worker_exit {
 #define WORKER_OPTION_PROGRESS_FD "progress-fd" /* descriptor for progress, as JSON lines */
 #define WORKER_OPTION_INPUT_ROOT "input-root"   /* may be repeated */
 #define WORKER_OPTION_MEMORY_MB "memory-mb"
+#define WORKER_OPTION_MOST_MEMORY_MB "most-memory-mb" /* the largest limits.memory_mb that advice may name */
 #define WORKER_OPTION_THREADS "threads"
 #define WORKER_OPTION_FRAME "frame"
 #define WORKER_OPTION_PREVIOUS "previous" /* results of the previous frame */

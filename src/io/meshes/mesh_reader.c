@@ -114,7 +114,7 @@ typedef struct walk {
     size_t first;               /* index of the first vertex of the current mesh */
     bool failed;
     unsigned group; /* number of the visited node among those that have meshes */
-    plain_mesh one; /* vertices of the current mesh, and the triangles of one of its polygons */
+    plain_mesh one; /* vertices of the current mesh, and one of its polygons with its triangles */
 } walk;
 
 static void visit_vertices(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
@@ -173,7 +173,7 @@ static void visit_face(walk *w, const struct aiMesh *mesh, const struct aiFace *
         w->polygons++;
         w->corners += face->mNumIndices;
     }
-    one->triangles = 0;
+    one->triangles = one->polygons = one->polygon_corners = 0;
     if (exist && !plain_mesh_add_polygon(one, face->mIndices, face->mNumIndices)) {
         w->failed = true;
     } else if (w->pass == COUNT) {
@@ -352,7 +352,7 @@ static int answer_scene(const struct aiScene *scene, addition also, const ply_va
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
         plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
-    walk w = {.scene = scene, .header = {.end = end}};
+    walk w = {.scene = scene, .header = {.end = end}, .one = {.keeps_polygons = also == POLYGONS}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
@@ -470,8 +470,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     if (strstr(why, "No suitable reader")) {
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
-            "the file is not a mesh in a known format (by its name and first bytes): save it as "
-            "PLY, OBJ, STL or OFF");
+            "its format is not known, by its name and first bytes: it is neither a mesh nor a volume that is "
+            "read. Save a mesh as PLY, OBJ, STL or OFF, and a volume as OpenVDB or NRRD.");
     }
     const int begin = snprintf(text, sizeof text, "the file cannot be read as a mesh: ");
     snprintf(text + begin, sizeof text - (size_t)begin, "%s", *why ? why : "it is damaged");

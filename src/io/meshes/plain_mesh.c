@@ -80,15 +80,24 @@ static bool keep_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
     return true;
 }
 
-/* Adds the triangles of a polygon. */
-static bool cut_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+static bool are_equal(const plain_mesh *m, uint32_t a, uint32_t b)
 {
-    if (corners < 3) {
-        m->others++;
-        return true;
-    }
-    if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
-        return plain_mesh_refuse_memory(m);
+    const double *p = m->vertex[a], *q = m->vertex[b];
+    return p[0] == q[0] && p[1] == q[1] && p[2] == q[2];
+}
+
+/* Copies the corners without those that are equal to the corner before them. Returns their number. */
+static size_t copy_distinct(const plain_mesh *m, const uint32_t *corner, size_t corners, uint32_t *out)
+{
+    size_t count = 0;
+    for (size_t k = 0; k < corners; k++)
+        if (!are_equal(m, corner[k], corner[k > 0 ? k - 1 : corners - 1])) out[count++] = corner[k];
+    return count;
+}
+
+/* Adds the triangles of a polygon without equal corners. */
+static bool cut_distinct(plain_mesh *m, const uint32_t *corner, size_t corners)
+{
     const polygon_result result =
         polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
     if (result != POLYGON_CUT && result != POLYGON_CROSSED)
@@ -98,6 +107,34 @@ static bool cut_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
             corners);
     m->crossed += result == POLYGON_CROSSED;
     m->triangles += corners - 2;
+    return true;
+}
+
+/* Adds the triangles of a polygon. Of a polygon with equal neighbouring corners, such as a quadrangle at the pole
+ * of a sphere, they are those of its distinct corners. If polygons are kept, triangles without area follow, so that
+ * there are `corners` - 2. */
+static bool cut_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
+{
+    if (corners < 3) {
+        m->others++;
+        return true;
+    }
+    if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
+        return plain_mesh_refuse_memory(m);
+    bool repeats = false;
+    for (size_t k = 0; corners > 3 && k < corners; k++)
+        repeats |= are_equal(m, corner[k], corner[k > 0 ? k - 1 : corners - 1]);
+    if (!repeats) return cut_distinct(m, corner, corners);
+    uint32_t *distinct = malloc(corners * sizeof *distinct);
+    if (!distinct) return plain_mesh_refuse_memory(m);
+    const size_t count = copy_distinct(m, corner, corners, distinct), first = m->triangles;
+    const bool ok = count < 3 || cut_distinct(m, distinct, count);
+    free(distinct);
+    if (!ok) return false;
+    m->others += count < 3;
+    while (m->keeps_polygons && m->triangles < first + corners - 2)
+        memcpy(m->triangle[m->triangles++], (uint32_t[3]){corner[0], corner[0], corner[0]},
+               sizeof *m->triangle);
     return true;
 }
 

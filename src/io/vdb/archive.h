@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/* archive: writes whole files to a descriptor, for C++ units. Not for C. */
+/* archive: whole files of grids, for C++ units. Not for C. */
 #ifndef HEXAD_IO_VDB_ARCHIVE_H
 #define HEXAD_IO_VDB_ARCHIVE_H
 
 #include <cerrno>
+#include <cstdint>
+#include <cstdio>
 #include <cstring>
-#include <ostream>
+#include <sstream>
 #include <string>
 
 #include <unistd.h>
@@ -16,13 +18,39 @@
 
 namespace shim {
 
+/* Fowler, Noll and Vo's hash (FNV-1a, 64 bits). */
+inline uint64_t hash_of(const std::string &bytes, uint64_t state)
+{
+    for (unsigned char byte : bytes) state = (state ^ byte) * 1099511628211u;
+    return state;
+}
+
+/* Replaces the random identifier of the format by a hash of the contents. */
+inline void identify(std::string &bytes, const std::string &random)
+{
+    const size_t at = bytes.find(random);
+    if (at == std::string::npos) throw fault(ERROR_INTERNAL, "the file has no identifier");
+    bytes.replace(at, random.size(), random.size(), '0');
+    const uint64_t a = hash_of(bytes, 14695981039346656037u), b = hash_of(bytes, a);
+    char text[37];
+    std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32),
+                  unsigned(a >> 16 & 0xffff), unsigned(a & 0xffff), unsigned(b >> 48),
+                  static_cast<unsigned long long>(b & 0xffffffffffff));
+    if (random.size() == sizeof text - 1) bytes.replace(at, random.size(), text);
+}
+
 /* Archive's own write is protected. Its two public subclasses, io::File and io::Stream, cannot write a
  * seekable file to a stream in memory. */
 class archive : public openvdb::io::Archive {
 public:
-    void write_all(std::ostream &out, const openvdb::GridCPtrVec &grids, bool seekable) const
+    /* The bytes of a whole file. The same grids give the same bytes. */
+    std::string file_of(const openvdb::GridCPtrVec &grids, bool seekable) const
     {
+        std::ostringstream out(std::ios_base::binary);
         Archive::write(out, grids, seekable);
+        std::string bytes = out.str();
+        identify(bytes, getUniqueTag());
+        return bytes;
     }
 };
 

@@ -140,9 +140,9 @@ typedef enum vdb_layout {
     VDB_STREAM    /* without offsets, like openvdb::io::Stream */
 } vdb_layout;
 
-/* Writes a whole file at the descriptor's offset. The same drafts give the same bytes, except for the 36
- * bytes of the format's random identifier. Errors: input_unsupported (the draft is not valid), internal
- * (writing failed). */
+/* Writes a whole file at the descriptor's offset. The same drafts give the same bytes: the identifier of the
+ * format, which the library makes random, is derived from the contents. Errors: input_unsupported (the draft is
+ * not valid), internal (writing failed). */
 bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                      error *e);
 
@@ -172,9 +172,8 @@ typedef struct vdb_points {
 /* Writes a whole file and flushes the stream: one grid "points" whose transform has its origin at the
  * corner of the points' box. Its attributes are P (relative to the centre of its voxel, so exact to 2^-24
  * voxels), N (vec3f), pscale (float, half the spacing), id (int64), if given the velocities v (vec3f) and the
- * orientations orient (quaternions of floats), and the other values. The same points give the same bytes: the
- * identifier of the format, which the library makes random, is derived from the contents. Errors:
- * limit_memory; internal (writing failed). */
+ * orientations orient (quaternions of floats), and the other values. The same points give the same bytes.
+ * Errors: limit_memory; internal (writing failed). */
 bool vdb_write_points(FILE *file, const vdb_points *points, error *e);
 
 #ifdef __cplusplus

@@ -181,27 +181,6 @@ vdb::GridBase::Ptr build(const vdb_points &p)
     return made;
 }
 
-/* Fowler, Noll and Vo's hash (FNV-1a, 64 bits). */
-uint64_t hash_of(const std::string &bytes, uint64_t state)
-{
-    for (unsigned char byte : bytes) state = (state ^ byte) * 1099511628211u;
-    return state;
-}
-
-/* Replaces the random identifier of the format by a hash of the contents. */
-void identify(std::string &bytes, const std::string &random)
-{
-    const size_t at = bytes.find(random);
-    if (at == std::string::npos) throw fault(ERROR_INTERNAL, "the file has no identifier");
-    bytes.replace(at, random.size(), random.size(), '0');
-    const uint64_t a = hash_of(bytes, 14695981039346656037u), b = hash_of(bytes, a);
-    char text[37];
-    std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32),
-                  unsigned(a >> 16 & 0xffff), unsigned(a & 0xffff), unsigned(b >> 48),
-                  static_cast<unsigned long long>(b & 0xffffffffffff));
-    if (random.size() == sizeof text - 1) bytes.replace(at, random.size(), text);
-}
-
 } // namespace
 
 extern "C" bool vdb_write_points(FILE *file, const vdb_points *points, error *e)
@@ -210,10 +189,7 @@ extern "C" bool vdb_write_points(FILE *file, const vdb_points *points, error *e)
         vdb::initialize();
         shim::archive archive;
         archive.setCompression(vdb::io::COMPRESS_ZIP | vdb::io::COMPRESS_ACTIVE_MASK);
-        std::ostringstream out(std::ios_base::binary);
-        archive.write_all(out, {build(*points)}, true);
-        std::string bytes = out.str();
-        identify(bytes, archive.getUniqueTag());
+        const std::string bytes = archive.file_of({build(*points)}, true);
         if (std::fwrite(bytes.data(), 1, bytes.size(), file) != bytes.size() || std::fflush(file) != 0)
             throw fault(error_code_of_errno(errno),
                         std::string("cannot be written: ") + std::strerror(errno));

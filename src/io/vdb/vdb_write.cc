@@ -117,8 +117,6 @@ extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, v
         shim::archive archive;
         archive.setCompression(compressed ? vdb::io::COMPRESS_ZIP | vdb::io::COMPRESS_ACTIVE_MASK
                                           : vdb::io::COMPRESS_NONE);
-        std::ostringstream out(std::ios_base::binary);
-        archive.write_all(out, grids, layout == VDB_SEEKABLE);
-        shim::write_bytes(fd, out.str());
+        shim::write_bytes(fd, archive.file_of(grids, layout == VDB_SEEKABLE));
     });
 }

@@ -125,8 +125,10 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
     char *warning = advice_warn_of_walls(j->spec, c.unresolved_share, true, to);
     json_append_string(warnings, warning);
     free(warning);
-    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, held, to.count) / (1 << 20),
-                             (double)j->memory / (1 << 20));
+    advice_append_resolution(advice, j->spec, j->scan->area, to,
+                             &(advice_memory){memory_for(j, held, to.count) / (1 << 20),
+                                              (double)j->memory / (1 << 20),
+                                              (double)j->options->most_memory_mb});
 }
 
 /* `missing`: the reason why there are no seconds, or NULL. */

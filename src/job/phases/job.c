@@ -69,7 +69,9 @@ double job_bytes_per_particle(const job *j)
 static bool fits_memory(const job *j, double count, error *e)
 {
     double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(j->spec, carries_points(j), count, left, (double)j->memory, e);
+    return plan_check_memory(
+        j->spec, carries_points(j), count,
+        &(plan_memory){left, (double)j->memory, (double)run_options_most_memory(j->options)}, e);
 }
 
 /* The instruction set that the spec requests. */
@@ -144,7 +146,9 @@ bool job_load(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_LOAD);
     bool ok = job_make_pool(j, e) && fits_memory(j, (double)s->count, e) && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
-              source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
+              source_open(s, j->options->roots,
+                          &(source_memory_limits){j->memory, run_options_most_memory(j->options)}, j->isa,
+                          j->pool, &j->source, e) &&
               check_label_meshes(j, e) && given_points_read(s, &j->source, memory_left(j), &j->given, e) &&
               attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */

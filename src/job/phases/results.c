@@ -17,6 +17,7 @@
 #include "io/points/property.h"
 #include "io/points/quantity.h"
 #include "io/points/writers.h"
+#include "job/phases/chord_error.h"
 #include "job/phases/instances.h"
 #include "job/phases/label_meshes.h"
 #include "job/phases/layout.h"
@@ -352,6 +353,9 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
         ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
                                 out->label_meshes = json_new_array(), e);
     if (ok) out->mesh = made.facts;
+    if (ok && in->field && in->spec->curvature.chord_error > 0)
+        out->chord_error = chord_error_largest(in->field, set->position, vertices.triangle,
+                                               vertices.triangle_count, in->h, pool);
     free(labels);
     triangulation_free(&made);
     free(side);

@@ -91,6 +91,7 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
         .landed = s->landed,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
+        .most_memory = (double)run_options_most_memory(j->options),
         .particle_memory = job_particle_memory(j),
         .bytes_per_particle = job_bytes_per_particle(j),
         .outputs = &j->results,

@@ -15,6 +15,7 @@ typedef struct run_options {
     const char *output;                  /* directory; created if missing */
     const store_roots *roots;            /* permitted locations of inputs; NULL: anywhere */
     int64_t memory_mb;                   /* if the spec has no limit, MB */
+    int64_t most_memory_mb;              /* the largest limit that a job may have, MB; 0: unknown */
     int threads;                         /* maximum, and the default; 0: one per processor */
     int frame;                           /* the frame to run, if the spec has queue.frames */
     const sequence_files *previous;      /* previous frame of a coherent sequence, or NULL */
@@ -31,6 +32,12 @@ typedef struct run_options {
 static inline size_t run_options_memory(const run_options *options, int64_t own_mb)
 {
     return (size_t)(own_mb > 0 ? own_mb : options->memory_mb) << 20;
+}
+
+/* The largest memory limit that a job may have, in bytes; 0: unknown. */
+static inline size_t run_options_most_memory(const run_options *options)
+{
+    return (size_t)options->most_memory_mb << 20;
 }
 
 #endif

@@ -84,19 +84,26 @@ static const char *choose_target(const spec *s, double area, advice_resolution t
                             : "/sampling/count";
 }
 
-void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
-                              double limit_mb)
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to,
+                              const advice_memory *of)
 {
     static const char code[] = "unresolved";
-    double value, memory = rounded_up(memory_mb);
+    double value, memory = of->most > 0 && of->needed <= of->most ? fmin(rounded_up(of->needed), of->most)
+                                                                  : rounded_up(of->needed);
     const char *target = choose_target(s, area, to, &value);
     char *message,
-        *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
+        *more = memory > of->limit ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
     if (to.count > PLAN_COUNT_MAX) {
         message = mem_printf(
             "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of "
             "%.3g and " BEYOND_THE_MAXIMUM,
             to.spacing, PLAN_COUNT_MAX, other_remedy(s));
+        advice_append(list, code, message);
+    } else if (of->most > 0 && memory > of->most) {
+        message = mem_printf(
+            "the spacing is too large to distinguish the two sides of thin walls, which takes %.0f points (spacing "
+            "%.3g) and about %.0f MiB, more than the %.0f MiB that a job may have: %s",
+            to.count, to.spacing, memory, of->most, other_remedy(s));
         advice_append(list, code, message);
     } else if (!target) {
         message = mem_printf(
@@ -111,7 +118,7 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
             target, value, more, to.count, to.spacing);
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);
-        if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);
+        if (memory > of->limit) json_put_number(set, "/limits/memory_mb", memory);
     }
     free(message);
     free(more);

@@ -31,9 +31,16 @@ char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_
 /* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);
 
-/* Appends an item with the code `unresolved` that sets the target of the spec. `memory_mb`: limits.memory_mb
- * needed for that number of points; the item sets it, too, if it exceeds `limit_mb`. */
-void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
-                              double limit_mb);
+/* Memory of a job, MiB. */
+typedef struct advice_memory {
+    double needed; /* limits.memory_mb needed for the advised number of points */
+    double limit;  /* the present limit */
+    double most;   /* the largest limit that the job may have; 0: unknown */
+} advice_memory;
+
+/* Appends an item with the code `unresolved` that sets the target of the spec, and limits.memory_mb if more than
+ * the present limit is needed. It sets nothing if no job may have that many points or that much memory. */
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to,
+                              const advice_memory *memory);
 
 #endif

@@ -101,8 +101,10 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
         advice_append_resolution(
             advice, facts->spec, area, to,
-            (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) / (1 << 20),
-            facts->memory_limit / (1 << 20));
+            &(advice_memory){
+                (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) /
+                    (1 << 20),
+                facts->memory_limit / (1 << 20), facts->most_memory / (1 << 20)});
 }
 
 /* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A
@@ -299,8 +301,11 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(object, "scale", g.scale);
     json_put_number(object, "least_spacing", g.least);
     json_put_number(object, "largest_spacing", g.largest);
-    if (facts->spec->curvature.chord_error > 0)
+    if (facts->spec->curvature.chord_error > 0) {
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
+        if (facts->outputs->has_mesh)
+            json_put_number(object, "chord_error_largest", facts->outputs->chord_error);
+    }
     if (facts->spec->has_feature) put_feature_size(object, &g.features);
     double asked = facts->spec->curvature.ratio, reached = g.largest / g.least;
     if (!(asked > 0)) return;

@@ -23,6 +23,8 @@ typedef struct report_outputs {
     bool y_up;       /* y, not z, points up in pictures and scenes */
     bool has_mesh;
     triangulation_facts mesh;
+    double chord_error; /* largest distance of the triangles of the mesh from the surface, if a chord error is
+                         * requested; world units */
     json *label_meshes; /* report_fill takes ownership; or NULL */
 } report_outputs;
 
@@ -49,6 +51,7 @@ typedef struct report_facts {
     const double *farthest; /* coverage of each patch */
     int64_t peak_memory;    /* bytes */
     double memory_limit;    /* limit of the job, bytes */
+    double most_memory;     /* the largest limit that the job may have, bytes; 0: unknown */
     double particle_memory; /* limit for particles, and bytes per particle */
     double bytes_per_particle;
     const report_outputs *outputs;

@@ -60,6 +60,18 @@ static void push_region(solid *s, bbox box, const double to_world[3][4])
     if (!first) solid_join(s, &s->region, false);
 }
 
+/* Replaces the error that nothing of the surface is left within region.inside. */
+static void explain_miss(const field *surface_of, const field *solid_of, error *e)
+{
+    const bbox whole = surface_of->domain, within = solid_of->domain;
+    error_set(
+        e, ERROR_NO_SURFACE,
+        "/region/inside: the solid, between (%.3g, %.3g, %.3g) and (%.3g, %.3g, %.3g), contains no part of the "
+        "surface, which is between (%.3g, %.3g, %.3g) and (%.3g, %.3g, %.3g): move or enlarge the solid",
+        within.min.x, within.min.y, within.min.z, within.max.x, within.max.y, within.max.z, whole.min.x,
+        whole.min.y, whole.min.z, whole.max.x, whole.max.y, whole.max.z);
+}
+
 creased *creased_source_open(const spec *s, const source_part *part, const source_part *inside, error *e)
 {
     if (part->field->patches) {
@@ -93,8 +105,12 @@ creased *creased_source_open(const spec *s, const source_part *part, const sourc
     else if (w.ends_within || (w.open && w.leaves > 1))
         error_set(e, ERROR_NOT_SUPPORTED,
                   "one of the combined surfaces is open: remove features, or use a region");
-    else
-        return creased_new(w.solid, part->field, box, e);
+    else {
+        creased *made = creased_new(w.solid, part->field, box, e);
+        if (!made && s->region_inside && e->code == ERROR_NO_SURFACE)
+            explain_miss(part->field, inside->field, e);
+        return made;
+    }
     solid_free(w.solid);
     return NULL;
 }

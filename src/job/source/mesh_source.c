@@ -9,6 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "job/source/mesh_clip.h"
+#include "job/source/plan.h"
 #include "surface/levelset/fidelity.h"
 #include "surface/triangles/mesh_orientation.h"
 #include "surface/volume/voxel_size.h"
@@ -312,6 +313,17 @@ static void explain_closed(error *e)
         "have an open one.");
 }
 
+/* Refuses a spacing that gives too many points, before the triangles are cut into pieces as small as it. */
+static bool check_target(const mesh_source_request *r, const mesh_patches *p, error *e)
+{
+    if (!r->target) return true;
+    const plan_memory memory = {plan_particle_memory(r->target, (size_t)r->memory, 0), r->memory,
+                                r->most_memory};
+    size_t count;
+    return plan_count(r->target, mesh_area(&p->m), 0, &count, e) &&
+           plan_check_memory(r->target, false, (double)count, &memory, e);
+}
+
 static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,
                       volume **as_volume, mesh_surface **as_patches, mesh_notes *notes, error *e)
 {
@@ -339,6 +351,10 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
                   "of closed components",
                   patches.turned, patches.m.triangle_count);
     patches.merges_near_curves = true;
+    if (!check_target(r, &patches, e)) {
+        mesh_patches_free(&patches);
+        return false;
+    }
     mesh_surface *surface =
         mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);

@@ -13,6 +13,9 @@
 
 typedef struct mesh_source_request {
     const spec_mesh *spec;
+    const struct spec *target; /* if the count follows from the area of the triangles; otherwise NULL */
+    double memory,
+        most_memory; /* bytes: the limit of the job, and the largest one that it may have (0: unknown) */
     /* the mesh is the whole surface, or the whole of a surface that is placed or cut by a box: it may be
      * opened as patches */
     bool alone;

@@ -82,22 +82,29 @@ static double rounded(double value, bool up)
     return (up ? ceil(value / unit) : floor(value / unit)) * unit;
 }
 
-bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e)
+bool plan_check_memory(const spec *s, bool is_continued, double count, const plan_memory *memory, error *e)
 {
     const double each = plan_bytes_per_particle(s, is_continued), particles = count * each,
-                 fitting = memory > 0 ? rounded(memory / each, false) : 0;
-    char fewer[128] = "";
-    if (particles <= memory) return true;
+                 needed = memory->limit + particles - memory->left;
+    if (particles <= memory->left) return true;
+    const bool too_much = memory->most > 0 && needed > memory->most;
+    const double fitting = memory->left > 0 ? rounded(memory->left / each, false) : 0;
+    char fewer[128] = "", more[128];
+    snprintf(more, sizeof more, too_much ? "a job may have at most %.0f" : "set it to at least %.0f",
+             (too_much ? floor(memory->most / MIB) : ceil(needed / MIB)));
     if (s->resolve)
-        snprintf(fewer, sizeof fewer, ", or raise /sampling/min_spacing for fewer points");
+        snprintf(fewer, sizeof fewer, ", %s raise /sampling/min_spacing for fewer points",
+                 too_much ? "so" : "or");
     else if (s->count > 0 && fitting >= PLAN_COUNT_MIN)
-        snprintf(fewer, sizeof fewer, ", or lower /sampling/count to at most %.0f", fitting);
+        snprintf(fewer, sizeof fewer, ", %s lower /sampling/count to at most %.0f", too_much ? "so" : "or",
+                 fitting);
+    else if (too_much)
+        snprintf(fewer, sizeof fewer, ", so ask for fewer points");
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave %.0f of "
-        "%.0f MiB: set it to at least %.0f%s",
-        count, ceil(particles / MIB), fmax(memory, 0) / MIB, limit / MIB,
-        ceil((limit + particles - memory) / MIB), fewer);
+        "limits.memory_mb: %.0f points require about %.0f MiB, and the surface and the preview leave "
+        "%.0f of %.0f MiB: %s%s",
+        count, ceil(particles / MIB), fmax(memory->left, 0) / MIB, memory->limit / MIB, more, fewer);
 }
 
 /* Sets the error that the target, which is not a count, gives too few or too many points; it names the value

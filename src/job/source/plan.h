@@ -33,8 +33,15 @@ double plan_picture_memory(const spec *s);
  * or around given points that are kept. */
 double plan_bytes_per_particle(const spec *s, bool is_continued);
 
-/* Whether `count` particles fit into `memory` bytes, which are left of `limit`. Error: limit_memory. */
-bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, double limit, error *e);
+/* Memory of a job, bytes. */
+typedef struct plan_memory {
+    double left;  /* of the limit, for particles */
+    double limit; /* of the job */
+    double most;  /* the largest limit that the job may have; 0: unknown */
+} plan_memory;
+
+/* Whether `count` particles fit into the memory that is left. Error: limit_memory. */
+bool plan_check_memory(const spec *s, bool is_continued, double count, const plan_memory *memory, error *e);
 
 /* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits.
  * 0: the target is a count or a time. */

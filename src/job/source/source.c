@@ -156,7 +156,7 @@ static analytic_frustum core_of(const spec_analytic *a)
 
 /* Parameters for opening a surface, in addition to its spec. */
 typedef struct opening {
-    size_t memory;
+    size_t memory, most_memory; /* see source_memory_limits */
     isa kernels;
     threads *pool;
     source *source; /* receives the inputs; memory that it uses already is subtracted from the limit */
@@ -300,6 +300,9 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
     const bbox cut = {o->spec->region.min, o->spec->region.max};
     const mesh_source_request request = {
         .spec = m,
+        .target = o->spec->spacing > 0 || o->spec->density > 0 ? o->spec : NULL,
+        .memory = (double)o->memory,
+        .most_memory = (double)o->most_memory,
         .alone = o->direct && !o->spec->region_inside && offset == 0,
         .resolve = o->spec->resolve,
         .as_level_set = o->spec->method == SPEC_METHOD_WITKIN_HECKBERT,
@@ -719,9 +722,11 @@ static bool open_all(const spec *s, const opening *o, error *e)
     return open_part(&s->surface, 0, &of_surface, &out->whole, e);
 }
 
-static bool open_source(const spec *s, size_t memory, isa kernels, threads *pool, source *out, error *e)
+static bool open_source(const spec *s, const source_memory_limits *limits, isa kernels, threads *pool,
+                        source *out, error *e)
 {
-    const opening o = {.memory = memory,
+    const opening o = {.memory = limits->job,
+                       .most_memory = limits->most,
                        .kernels = kernels,
                        .pool = pool,
                        .source = out,
@@ -752,13 +757,13 @@ static bool open_source(const spec *s, size_t memory, isa kernels, threads *pool
     return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
 }
 
-bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
-                 source *out, error *e)
+bool source_open(const spec *s, const store_roots *roots, const source_memory_limits *limits, isa kernels,
+                 threads *pool, source *out, error *e)
 {
     error unused = {0};
     *out = (source){.roots = roots, .hashes_beside = threads_count(pool) > 1};
     if (!e) e = &unused;
-    const bool ok = open_source(s, memory, kernels, pool, out, e);
+    const bool ok = open_source(s, limits, kernels, pool, out, e);
     out->hashes_beside = false;
     settle_trees(out);
     return settle_hash(out, ok ? e : NULL) && ok;

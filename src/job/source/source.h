@@ -70,11 +70,17 @@ typedef struct source {
     late_hash *hash;    /* unfinished hash of the last input; or NULL */
 } source;
 
-/* `memory`: maximum bytes of the surface. `kernels`: instruction set for sampling. The spec outlives the
+/* Memory limits, bytes. */
+typedef struct source_memory_limits {
+    size_t job;  /* of the surface */
+    size_t most; /* the largest limit that a job may have, for messages; 0: unknown */
+} source_memory_limits;
+
+/* `kernels`: instruction set for sampling. The spec outlives the
  * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts
  * a zeroed struct. */
-bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
-                 source *out, error *e);
+bool source_open(const spec *s, const store_roots *roots, const source_memory_limits *limits, isa kernels,
+                 threads *pool, source *out, error *e);
 void source_close(source *s);
 
 /* Opens another input for reading; requires the roots. Returns its descriptor, or -1 and an error. */

@@ -62,23 +62,24 @@ static void add_pair(energy_batch *b, double u2, double weight)
     b->weight[b->count++] = weight;
 }
 
+/* A pair of points, from the partition's copies. */
+typedef struct pair {
+    double square, facing; /* `square`: of the distance */
+} pair;
+
 /* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
- * determine it. Near a sharp edge the faces that meet there do not count as walls. */
-static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double distance, double mean)
+ * determine it. Near a sharp edge the faces that meet there do not count as walls, unless they are parallel. */
+static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, pair p, double mean)
 {
     const sites *s = in->sites;
-    const bool at_wedge = in->odd && in->odd[i] & in->odd[j] & PACKING_AT_WEDGE;
-    if (distance >= RESOLUTION_REACH * mean || at_wedge) return INFINITY;
+    const bool at_wedge =
+        in->odd && in->odd[i] & in->odd[j] & PACKING_AT_WEDGE && p.facing > RESOLUTION_PARALLEL;
+    if (p.square >= RESOLUTION_REACH * RESOLUTION_REACH * mean * mean || at_wedge) return INFINITY;
     const vec3 r = vec3_sub(s->position[j], s->position[i]);
     return fmin(fabs(vec3_dot(s->normal[sites_first(s, i)], r)),
                 fabs(vec3_dot(s->normal[sites_first(s, j)], r))) /
            mean;
 }
-
-/* A pair of points, from the partition's copies. */
-typedef struct pair {
-    double square, facing; /* `square`: of the distance */
-} pair;
 
 static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
 {
@@ -108,7 +109,7 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
         const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean * per_h;
         const bool together = sites_piece(s, i) == sites_piece(s, j);
         if (!(p.facing > SITES_OPPOSITE)) {
-            gap = fmin(gap, wall_gap(in, i, j, sqrt(p.square), mean));
+            gap = fmin(gap, wall_gap(in, i, j, p, mean));
         } else if (together && !(in->kept && in->kept[i] && in->kept[j])) {
             if (p.square < nearest2 * mean * mean) nearest2 = p.square / (mean * mean);
         }

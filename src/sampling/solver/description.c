@@ -141,29 +141,25 @@ static void merge_normals(solver *s)
         if (s->record.flags[k] & PACKING_FIXED) s->record.normal[k] = vec3_unit(s->record.normal[k]);
 }
 
-/* Cosine of two copies' normals below which they are used for the wedge angle. Normals of patches are
- * averaged over a neighbourhood: at a sharp edge their cosine is larger than that of the faces. */
-static const double SHARP_COSINE = 0;
-
-/* Cosine between the surfaces that meet at the curve of particle k: of the faces at its curve, or of the
- * normals of its copies. Above RESOLUTION_OPPOSITE: the surfaces do not face each other. */
+/* Cosine between the surfaces that meet at the curve of particle k: of the normals of its copies or, if that is
+ * smaller, of the faces at its curve. Normals of patches are averaged over a neighbourhood: at a sharp edge their
+ * cosine is larger than that of the faces. A copy for a patch beyond a merged curve is on the far side of a narrow
+ * face, where both surfaces may be parallel. */
 static double wedge_cosine(const solver *s, size_t k)
 {
     const particles *p = s->state.p;
     const curve_samples *samples = &s->state.plan.quotas[s->state.level].samples;
-    const double cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]),
-                 of_faces = s->setup.field->patches->curve[samples->curve[p->place[k]]].cosine;
-    return cosine < SHARP_COSINE ? fmin(fmin(cosine, of_faces), RESOLUTION_OPPOSITE) : of_faces;
+    const double of_faces = s->setup.field->patches->curve[samples->curve[p->place[k]]].cosine,
+                 cosine = vec3_dot(p->normal[k], p->normal[s->record.point[k]]);
+    return cosine > RESOLUTION_PARALLEL ? fmin(cosine, of_faces) : of_faces;
 }
-
-/* Minimum squared sine of the wedge angle: a sharper wedge has the reach of this one. */
-static const double MIN_WEDGE_SINE2 = 0.01;
 
 /* Distance from an edge, in spacings, within which its surfaces are closer than RESOLUTION_GAP spacings. One
  * spacing is added, since curve samples are at discrete places of the edge. */
 static double wedge_reach(double cosine)
 {
-    return RESOLUTION_GAP / sqrt(fmax(1 - cosine * cosine, MIN_WEDGE_SINE2)) + 1;
+    const double c = fmax(cosine, RESOLUTION_PARALLEL);
+    return RESOLUTION_GAP / sqrt(1 - c * c) + 1;
 }
 
 /* Marks the particles near edges at which surfaces that face each other meet. */

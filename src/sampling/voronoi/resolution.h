@@ -29,6 +29,9 @@
 /* Limits of an unresolved pair, see above: the cosine of the normals, the distance and the distance from a
  * tangent plane in spacings. */
 #define RESOLUTION_OPPOSITE -0.4
+/* Cosine of the normals below which two walls are parallel. Walls that are not may meet in a sharp edge, near which
+ * they are closer than RESOLUTION_GAP. At this angle (5.7 degrees) that is within 12 spacings of the edge. */
+#define RESOLUTION_PARALLEL -0.995
 #define RESOLUTION_REACH 1.7
 #define RESOLUTION_GAP 1.2
 

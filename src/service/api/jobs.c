@@ -206,7 +206,7 @@ static bool read_order(const http_context *c, const http_request *request, order
     error e = {0};
     json *document = json_parse(request->body, request->length, &e);
     if (!document) {
-        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+        reply_set_problem(r, "json_invalid", NULL, "a spec must be a valid JSON document: %s", e.message);
         return false;
     }
     o->s = build_spec(document, r);

@@ -252,6 +252,7 @@ static bool refuse_option(const char *key, size_t length, error *e)
     nearest_name nearest = nearest_name_to(key, length);
     for (size_t i = 0; i < ACTION_COUNT; i++) nearest_name_offer(&nearest, actions[i].name);
     nearest_name_offer(&nearest, "config");
+    nearest_name_offer(&nearest, "strict");
     offer_settings(&nearest);
     if (find_action(key, length))
         return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value: remove it", (int)length, key);
@@ -323,6 +324,10 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
         const char *key = "", *value = NULL;
         size_t length = 0;
         const struct action *a = find_bare_action(argv[i]);
+        if (strcmp(argv[i], "--strict") == 0) {
+            s->c->strict = true;
+            continue;
+        }
         if (a) {
             if (!choose(a, action, s->e)) return false;
             continue;
@@ -370,6 +375,9 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
         ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
     if (ok && maintains_service(argc, argv)) ok = take_file(&s, CONFIG_FILE);
     ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
+    if (ok && read.strict && what != CONFIG_CHECK_SETTINGS)
+        ok = error_set(&mine, ERROR_SPEC_INVALID,
+                       "--strict requires --check-settings: add it, or remove --strict");
     if (!ok) {
         config_clear(&read);
         if (e) *e = mine;
@@ -535,7 +543,7 @@ void config_print_help(FILE *file)
     fputs(
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
         "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
-        "       hexad [--config FILE] [--KEY VALUE]... --check-settings\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --check-settings [--strict]\n"
         "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
@@ -563,14 +571,17 @@ void config_print_help(FILE *file)
         "  --check-settings checks the settings and starts nothing. It warns of users, groups and\n"
         "                   directories that do not exist, or that the user of this command cannot use,\n"
         "                   and of a state directory that other users can write to: run it as the user of\n"
-        "                   the service\n"
+        "                   the service. It says if hexad would not start, although the settings are\n"
+        "                   right\n"
+        "  --strict         with --check-settings: ends with 1 if hexad would not start\n"
         "  --print-config   prints a sample of the settings file\n"
         "  --help           prints this text\n"
         "  --version        prints the version\n"
         "\n"
         "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
         "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
-        "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings.\n"
+        "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings; with --strict also 1\n"
+        "hexad would not start.\n"
         "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",

@@ -51,6 +51,7 @@ typedef struct config {
     config_list input_roots, output_roots, path_mappings;
     char *output_mode;                        /* octal digits */
     char *output_group;                       /* "": unchanged */
+    bool strict;                              /* --strict, of --check-settings */
     int64_t workers, threads, host_memory_mb; /* 0: from the resources of the host */
     int64_t memory_mb, max_attempts, max_interruptions;
     int64_t cache;   /* 0: no */

@@ -29,6 +29,7 @@ typedef struct engine_request {
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
+    int64_t most_memory_mb;  /* the largest memory_mb that a job may have */
     control_groups *groups;  /* the kernel enforces the memory limit in these; NULL: the worker does */
     int64_t file_mb;         /* maximum size of a file that the worker writes; 0: no limit */
     sandbox_mode sandbox;    /* sandbox that the worker enters */

@@ -167,6 +167,7 @@ estimator_outcome estimator_run(estimator *m, const char *command, const char *s
             .input_roots = (const char *const *)roots,
             .input_root_count = root_count,
             .memory_mb = memory_mb,
+            .most_memory_mb = executor_most_memory_mb(settings),
             .groups = settings->groups,
             .threads = threads,
             .frame = frame,

@@ -409,11 +409,17 @@ void executor_free(executor *x)
     free(x);
 }
 
+int64_t executor_most_memory_mb(const executor_settings *settings)
+{
+    if (settings->host_memory_mb > 0) return settings->host_memory_mb;
+    return settings->engine->resume ? NODE_MEMORY_MB
+                                    : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
+}
+
 /* For an engine whose attempts run elsewhere: their number is the only limit here. */
 static void set_resources_of_nodes(executor *x, const executor_settings *settings)
 {
     x->threads = settings->threads > 0 ? settings->threads : NODE_THREADS;
-    x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb : NODE_MEMORY_MB;
     x->times = settings->workers;
 }
 
@@ -427,8 +433,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
     for (size_t i = 0; i < settings->input_root_count; i++)
         x->input_roots[i] = mem_strdup(settings->input_roots[i]);
     x->threads = settings->threads > 0 ? settings->threads : threads_available();
-    x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb
-                                                : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
+    x->memory_mb = executor_most_memory_mb(settings);
     if (settings->host_memory_mb > 0 && settings->memory_mb > x->memory_mb)
         log_write(LOG_LEVEL_WARNING,
                   "memory_mb (%" PRId64 ") is more than host_memory_mb (%" PRId64

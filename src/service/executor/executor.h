@@ -89,6 +89,9 @@ void executor_wake(executor *x);
 /* Records a new priority of the job. Attempts that wait in an engine's own queue are queued again. */
 void executor_move(executor *x, const char *id, int priority);
 
+/* The largest memory limit that a job may have with these settings, MiB. */
+int64_t executor_most_memory_mb(const executor_settings *settings);
+
 /* Replaces the threads (*width) and memory requested by a job by the amounts that its attempt takes of the
  * host. 0 becomes the default: the threads of the host divided by the workers, the default memory. More
  * threads than the host has become all of them. Error: limit_memory (the host has less memory). */

@@ -157,7 +157,7 @@ static _Noreturn void run_child(launch *l)
 static char **make_arguments(const engine_request *request)
 {
     size_t count = 0;
-    char **a = mem_alloc((20 + 2 * request->input_root_count) * sizeof *a);
+    char **a = mem_alloc((22 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup(request->command);
     a[count++] = mem_strdup(WORKER_SPEC_ON_STDIN);
@@ -167,6 +167,10 @@ static char **make_arguments(const engine_request *request)
     a[count++] = mem_printf("%d", PROGRESS_FD);
     a[count++] = mem_strdup("--" WORKER_OPTION_MEMORY_MB);
     a[count++] = mem_printf("%" PRId64, request->memory_mb);
+    if (request->most_memory_mb > 0) {
+        a[count++] = mem_strdup("--" WORKER_OPTION_MOST_MEMORY_MB);
+        a[count++] = mem_printf("%" PRId64, request->most_memory_mb);
+    }
     a[count++] = mem_strdup("--" WORKER_OPTION_SANDBOX);
     a[count++] = mem_strdup(sandbox_mode_name(request->sandbox));
     a[count++] = mem_strdup("--" WORKER_OPTION_THREADS);

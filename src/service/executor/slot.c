@@ -252,6 +252,7 @@ static bool start_worker(slot *s, error *e)
         .input_roots = (const char *const *)roots,
         .input_root_count = root_count,
         .memory_mb = w->memory_mb,
+        .most_memory_mb = x->memory_mb,
         .groups = x->groups,
         .threads = w->threads,
         .frame = c->task.frame,

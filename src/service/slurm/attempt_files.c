@@ -87,6 +87,7 @@ bool attempt_files_begin(const char *directory, const engine_request *r, error *
     for (size_t i = 0; i < r->input_root_count; i++) json_append_string(roots, r->input_roots[i]);
     json_put(document, "input_roots", roots);
     json_put_integer(document, "memory_mb", r->memory_mb);
+    json_put_integer(document, "most_memory_mb", r->most_memory_mb);
     json_put_integer(document, "file_mb", r->file_mb);
     json_put_string(document, "sandbox", sandbox_mode_name(r->sandbox));
     json_put_integer(document, "threads", r->threads);
@@ -123,6 +124,7 @@ bool attempt_files_read_request(const char *directory, engine_request *request, 
         .input_roots = (const char *const *)roots,
         .input_root_count = json_size(list),
         .memory_mb = (int64_t)json_number(json_member(&root, "memory_mb"), 0),
+        .most_memory_mb = (int64_t)json_number(json_member(&root, "most_memory_mb"), 0),
         .file_mb = (int64_t)json_number(json_member(&root, "file_mb"), 0),
         .threads = (int)json_number(json_member(&root, "threads"), 0),
         .frame = (int)json_number(json_member(&root, "frame"), QUEUE_NO_FRAME),

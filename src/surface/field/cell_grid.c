@@ -158,7 +158,7 @@ static bool too_fine(const search *w, error *e)
 {
     return error_set(e, ERROR_LIMIT_MEMORY,
                      "the surface crosses more than %zu cells of size %g: enlarge its thinnest part or "
-                     "shortest period, or shrink the rest",
+                     "shortest period, shrink the rest, or sample the same shape as a mesh",
                      CELL_GRID_MOST, w->field->cell_size);
 }
 

@@ -121,9 +121,11 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
     if (!v->info.level_set && !r->has_isovalue)
-        return error_set(e, ERROR_ISOVALUE_REQUIRED,
-                         "grid \"%s\" is %s: give isovalue (only level sets have a default, 0)", v->info.grid,
-                         class == VDB_FOG ? "a fog volume" : "not marked as a level set");
+        return error_set(
+            e, ERROR_ISOVALUE_REQUIRED,
+            "grid \"%s\" is %s: give isovalue (only level sets have a default, 0). hexadctl inspect "
+            "FILE suggests one.",
+            v->info.grid, class == VDB_FOG ? "a fog volume" : "not marked as a level set");
     if (!v->info.level_set && r->offset != 0)
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
