@@ -21,8 +21,8 @@ static vec3 corner(const mesh *m, size_t n, int k)
 
 static vec3 normal_of(const mesh *m, size_t n)
 {
-    return vec3_unit(vec3_cross(vec3_sub(corner(m, n, 1), corner(m, n, 0)),
-                                vec3_sub(corner(m, n, 2), corner(m, n, 0))));
+    return vec3_unit(
+        vec3_cross(vec3_sub(corner(m, n, 1), corner(m, n, 0)), vec3_sub(corner(m, n, 2), corner(m, n, 0))));
 }
 
 static size_t random_triangle(const mesh *m, rng *r)
@@ -104,13 +104,14 @@ static void on_an_edge_the_face_of_the_normal_has_the_point(void **state)
 /* The first of all triangles that are as near as the nearest one. */
 static size_t first_of_nearest(const mesh *m, vec3 x)
 {
+    const double rounding = MESH_PLACE_ROUNDING * bbox_longest(mesh_box(m, NULL));
     double least = INFINITY;
     for (int round = 0; round < 2; round++)
         for (size_t n = 0; n < m->triangle_count; n++) {
             const triangle t = {corner(m, n, 0), corner(m, n, 1), corner(m, n, 2)};
             const double distance = sqrt(triangle_distance2(&t, x));
             if (round == 0) least = fmin(least, distance);
-            if (round == 1 && distance < least + 1e-9) return n;
+            if (round == 1 && distance <= least + rounding) return n;
         }
     return SIZE_MAX;
 }
@@ -135,16 +136,21 @@ static void without_a_normal_the_first_triangle_has_the_point(void **state)
         const size_t n = random_triangle(&m, &r), on = k % 3 == 0 ? 3 : (size_t)k % 2;
         const vec3 x = on == 3 ? random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2})
                                : random_on_side(&m, n, k % 3, on == 0, &r);
-        mesh_place p, q;
-        size_t of = 0;
+        mesh_place p, nearer_place;
+        mesh_place_in q, each[2];
         assert_true(mesh_place_find(tree, x, NULL, INFINITY, &p));
         assert_int_equal(p.triangle, first_of_nearest(&m, x));
-        assert_true(mesh_place_find_among(forest, x, NULL, INFINITY, &of, &q));
-        assert_int_equal(of * m.triangle_count / PARTS + q.triangle, p.triangle);
-        assert_true(q.distance == p.distance);
+        assert_true(mesh_place_find_among(forest, x, NULL, INFINITY, &q));
+        assert_int_equal(q.tree * m.triangle_count / PARTS + q.place.triangle, p.triangle);
+        assert_true(q.place.distance == p.distance);
+        const size_t count = mesh_place_find_each(forest, x, INFINITY, 2, each);
+        assert_true(count > 0 && each[0].tree == q.tree && each[0].place.triangle == q.place.triangle);
+        assert_true(count < 2 || (each[1].tree > q.tree && each[1].place.distance < p.distance + 1e-6));
         const double nearer = 0.99 * p.distance;
-        if (p.distance > 0.01) assert_false(mesh_place_find(tree, x, NULL, nearer, &q));
-        if (p.distance > 0.01) assert_false(mesh_place_find_among(forest, x, NULL, nearer, &of, &q));
+        if (p.distance <= 0.01) continue;
+        assert_false(mesh_place_find(tree, x, NULL, nearer, &nearer_place));
+        assert_false(mesh_place_find_among(forest, x, NULL, nearer, &q));
+        assert_int_equal(mesh_place_find_each(forest, x, nearer, 2, each), 0);
     }
     triangle_forest_free(forest);
     for (size_t k = 0; k < PARTS; k++) triangle_tree_free(of_part[k]);

@@ -75,19 +75,63 @@ bool mesh_place_find(const triangle_tree *tree, vec3 x, const vec3 *normal, doub
     return true;
 }
 
-bool mesh_place_find_among(const triangle_forest *trees, vec3 x, const vec3 *normal, double within,
-                           size_t *tree, mesh_place *out)
+/* as_near for the nearest triangle of all trees. False: it is farther away than `within`. */
+static bool find_nearest(const triangle_forest *trees, vec3 x, double within, double *distance2)
 {
-    choice c = {.normal = normal};
     vec3 nearest;
     if (!triangle_forest_find_accepted(trees, x, nextafter(within, INFINITY), NULL, NULL, &nearest))
         return false;
-    const double distance2 = as_near(vec3_norm2(vec3_sub(nearest, x)), triangle_forest_box(trees));
+    *distance2 = as_near(vec3_norm2(vec3_sub(nearest, x)), triangle_forest_box(trees));
+    return true;
+}
+
+bool mesh_place_find_among(const triangle_forest *trees, vec3 x, const vec3 *normal, double within,
+                           mesh_place_in *out)
+{
+    choice c = {.normal = normal};
+    double distance2;
+    if (!find_nearest(trees, x, within, &distance2)) return false;
     triangle_forest_visit_near(trees, x, distance2, compare, &c);
     triangle_forest_visit_near(trees, x, distance2, choose, &c);
-    *tree = c.tree;
-    set_place(&c, x, out);
+    out->tree = c.tree;
+    set_place(&c, x, &out->place);
     return true;
+}
+
+/* The choices of the first trees, ascending. */
+typedef struct tree_choices {
+    size_t most, count;
+    mesh_place_in *out;
+    vec3 x;
+} tree_choices;
+
+/* Adds a triangle with area, or replaces a later one of its tree. */
+static void choose_of_tree(void *context, size_t tree, size_t n, const triangle *t)
+{
+    tree_choices *c = context;
+    size_t at = 0;
+    if (parallel_to(t, NULL) < 0) return;
+    while (at < c->count && c->out[at].tree < tree) at++;
+    const bool is_there = at < c->count && c->out[at].tree == tree;
+    if (is_there && c->out[at].place.triangle <= n) return;
+    if (!is_there) {
+        if (c->count == c->most && at == c->most) return;
+        if (c->count < c->most) c->count++;
+        for (size_t k = c->count - 1; k > at; k--) c->out[k] = c->out[k - 1];
+    }
+    c->out[at].tree = tree;
+    set_place(&(choice){.triangle = n, .corners = *t}, c->x, &c->out[at].place);
+}
+
+size_t mesh_place_find_each(const triangle_forest *trees, vec3 x, double within, size_t most,
+                            mesh_place_in *out)
+{
+    tree_choices c = {.most = most, .out = out, .x = x};
+    double distance2;
+    if (!find_nearest(trees, x, within, &distance2)) return 0;
+    triangle_forest_visit_near(trees, x, distance2, choose_of_tree, &c);
+    if (c.count == 0) c.count = mesh_place_find_among(trees, x, NULL, within, out); /* no area */
+    return c.count;
 }
 
 static triangle triangle_at(const mesh *m, const mesh_place *place)
