@@ -136,20 +136,21 @@ static void without_a_normal_the_first_triangle_has_the_point(void **state)
         const size_t n = random_triangle(&m, &r), on = k % 3 == 0 ? 3 : (size_t)k % 2;
         const vec3 x = on == 3 ? random_between(&r, (vec3){-2, -2, -2}, (vec3){2, 2, 2})
                                : random_on_side(&m, n, k % 3, on == 0, &r);
-        mesh_place p, nearer_place;
-        mesh_place_in q, each[2];
+        mesh_place p, q;
+        mesh_place_in each[2];
+        size_t of = 0;
         assert_true(mesh_place_find(tree, x, NULL, INFINITY, &p));
         assert_int_equal(p.triangle, first_of_nearest(&m, x));
-        assert_true(mesh_place_find_among(forest, x, NULL, INFINITY, &q));
-        assert_int_equal(q.tree * m.triangle_count / PARTS + q.place.triangle, p.triangle);
-        assert_true(q.place.distance == p.distance);
+        assert_true(mesh_place_find_among(forest, x, NULL, INFINITY, &of, &q));
+        assert_int_equal(of * m.triangle_count / PARTS + q.triangle, p.triangle);
+        assert_true(q.distance == p.distance);
         const size_t count = mesh_place_find_each(forest, x, INFINITY, 2, each);
-        assert_true(count > 0 && each[0].tree == q.tree && each[0].place.triangle == q.place.triangle);
-        assert_true(count < 2 || (each[1].tree > q.tree && each[1].place.distance < p.distance + 1e-6));
+        assert_true(count > 0 && each[0].tree == of && each[0].place.triangle == q.triangle);
+        assert_true(count < 2 || (each[1].tree > of && each[1].place.distance < p.distance + 1e-6));
         const double nearer = 0.99 * p.distance;
         if (p.distance <= 0.01) continue;
-        assert_false(mesh_place_find(tree, x, NULL, nearer, &nearer_place));
-        assert_false(mesh_place_find_among(forest, x, NULL, nearer, &q));
+        assert_false(mesh_place_find(tree, x, NULL, nearer, &q));
+        assert_false(mesh_place_find_among(forest, x, NULL, nearer, &of, &q));
         assert_int_equal(mesh_place_find_each(forest, x, nearer, 2, each), 0);
     }
     triangle_forest_free(forest);

@@ -86,15 +86,15 @@ static bool find_nearest(const triangle_forest *trees, vec3 x, double within, do
 }
 
 bool mesh_place_find_among(const triangle_forest *trees, vec3 x, const vec3 *normal, double within,
-                           mesh_place_in *out)
+                           size_t *tree, mesh_place *out)
 {
     choice c = {.normal = normal};
     double distance2;
     if (!find_nearest(trees, x, within, &distance2)) return false;
     triangle_forest_visit_near(trees, x, distance2, compare, &c);
     triangle_forest_visit_near(trees, x, distance2, choose, &c);
-    out->tree = c.tree;
-    set_place(&c, x, &out->place);
+    *tree = c.tree;
+    set_place(&c, x, out);
     return true;
 }
 
@@ -130,7 +130,8 @@ size_t mesh_place_find_each(const triangle_forest *trees, vec3 x, double within,
     double distance2;
     if (!find_nearest(trees, x, within, &distance2)) return 0;
     triangle_forest_visit_near(trees, x, distance2, choose_of_tree, &c);
-    if (c.count == 0) c.count = mesh_place_find_among(trees, x, NULL, within, out); /* no area */
+    if (c.count == 0) /* no area */
+        c.count = mesh_place_find_among(trees, x, NULL, within, &out->tree, &out->place);
     return c.count;
 }
 

@@ -35,15 +35,16 @@ typedef struct mesh_place {
  * are farther away. */
 bool mesh_place_find(const triangle_tree *tree, vec3 x, const vec3 *normal, double within, mesh_place *out);
 
-/* The place in one tree of a forest: `triangle` is the index in the mesh of the tree. */
+/* mesh_place_find on the triangles of several trees. *tree: the tree of the place; `triangle` is the index in
+ * its mesh. Rule 2 prefers the first tree. */
+bool mesh_place_find_among(const triangle_forest *trees, vec3 x, const vec3 *normal, double within,
+                           size_t *tree, mesh_place *out);
+
+/* A place in one tree of a forest: `triangle` is the index in the mesh of the tree. */
 typedef struct mesh_place_in {
     size_t tree;
     mesh_place place;
 } mesh_place_in;
-
-/* mesh_place_find on the triangles of several trees. Rule 2 prefers the first tree. */
-bool mesh_place_find_among(const triangle_forest *trees, vec3 x, const vec3 *normal, double within,
-                           mesh_place_in *out);
 
 /* All trees that have a place of x which is as near as the nearest one, ascending, at most `most`; each with its
  * place by rule 2. Returns their number; 0: all triangles are farther away than `within`. The first is that of
