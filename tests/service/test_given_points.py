@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import re
 import struct
 import zipfile
 
@@ -13,6 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from readers import read_columns
 from scenes import stack
 from service import sphere
+from solids import write_points
 
 
 @pytest.fixture
@@ -55,13 +57,6 @@ def on_sphere(count, seed=1):
     return numpy.stack([numpy.cos(turn) * numpy.sin(polar), numpy.sin(turn) * numpy.sin(polar), numpy.cos(polar)], 1)
 
 
-def write_ply(path, points, kind="double"):
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-    head += "".join(f"property {kind} {axis}\n" for axis in "xyz") + "end_header\n"
-    path.write_bytes(head.encode() + points.astype({"double": "<f8", "float": "<f4"}[kind]).tobytes())
-    return path
-
-
 def npy(array, text=None):
     """The bytes of an array in NumPy's format 1.0; `text`: its header instead of the right one."""
     text = text or f"{{'descr': '{array.dtype.str}', 'fortran_order': False, 'shape': {array.shape}, }}"
@@ -94,7 +89,7 @@ def test_refined_points_are_as_good_as_those_of_an_ordinary_job(run, tmp_path, s
 
 
 def test_a_count_that_is_no_power_of_four_times_the_given_one_converges(run, tmp_path):
-    path = write_ply(tmp_path / "few.ply", on_sphere(300))
+    path = write_points(tmp_path / "few.ply", on_sphere(300))
     for count in (300, 500, 2500):
         report, columns = run(job(count, path))
         assert report["outcome"] == "converged" and len(columns["x"]) == count
@@ -102,7 +97,7 @@ def test_a_count_that_is_no_power_of_four_times_the_given_one_converges(run, tmp
 
 
 def test_equal_rows_start_one_point(run, tmp_path):
-    path = write_ply(tmp_path / "twice.ply", numpy.concatenate([on_sphere(200), on_sphere(200)]))
+    path = write_points(tmp_path / "twice.ply", numpy.concatenate([on_sphere(200), on_sphere(200)]))
     report, columns = run(job(400, path))
     assert report["outcome"] == "converged" and len(columns["x"]) == 400 and report["points"]["count"] == 400
 
@@ -121,7 +116,7 @@ def test_given_points_in_ascii_and_with_faces_are_read(run, tmp_path):
 
 def test_kept_points_are_first_and_bit_identical(run, tmp_path):
     given = on_sphere(250) + 1e-9  # not where a projection would put them
-    path = write_ply(tmp_path / "kept.ply", given)
+    path = write_points(tmp_path / "kept.ply", given)
     report, columns = run(job(1000, path, "keep", output={"points_npz": True}))
     at = stack(columns, *"xyz")
     assert at[:250].tobytes() == given.tobytes()
@@ -137,7 +132,7 @@ def test_floats_of_a_result_come_back_as_the_same_floats(run, tmp_path):
     run(job(400, output={"ply": {"precision": "float"}}), "first")
     before = stack(read_columns((tmp_path / "first" / "points.ply").read_bytes()), *"xyz")
     half = before[before[:, 2] > 0]
-    path = write_ply(tmp_path / "half.ply", half, "float")
+    path = write_points(tmp_path / "half.ply", half, "float")
     report, columns = run(job(400, path, "keep", output={"ply": {"precision": "float"}}))
     assert (stack(columns, *"xyz")[:len(half)] == half).all() and report["outcome"] == "converged"
     assert b"property float x" in (tmp_path / "out" / "points.ply").read_bytes()[:400]
@@ -148,7 +143,7 @@ def test_a_region_is_sampled_anew(run, tmp_path):
     before, old = run(job(4000, surface=TORUS), "before")
     at = stack(old, *"xyz")
     kept = at[at[:, 0] < 1.5]
-    path = write_ply(tmp_path / "rest.ply", kept)
+    path = write_points(tmp_path / "rest.ply", kept)
     spec = job(4000, path, "keep", surface=TORUS)
     spec["solver"] = {"seed": 7}
     report, columns = run(spec)
@@ -164,7 +159,7 @@ def test_distances_between_kept_points_are_no_criterion(run, tmp_path):
     beside = base + 0.02 * numpy.cross(base, [0, 0, 1])
     beside /= numpy.linalg.norm(beside, axis=1)[:, None]
     given = numpy.concatenate([base, beside, base[:1]])
-    report, columns = run(job(800, write_ply(tmp_path / "pairs.ply", given), "keep"))
+    report, columns = run(job(800, write_points(tmp_path / "pairs.ply", given), "keep"))
     at = stack(columns, *"xyz")
     assert (at[:201] == given).all() and len(at) == 800
     assert report["outcome"] == "converged", report["outcome_reasons"]
@@ -175,7 +170,7 @@ def test_distances_between_kept_points_are_no_criterion(run, tmp_path):
 
 def test_kept_points_off_the_surface_do_not_count_as_residual(run, tmp_path):
     given = 1.004 * on_sphere(150)
-    report, columns = run(job(600, write_ply(tmp_path / "off.ply", given), "keep"))
+    report, columns = run(job(600, write_points(tmp_path / "off.ply", given), "keep"))
     assert (stack(columns, *"xyz")[:150] == given).all()
     assert report["outcome"] == "converged" and report["quality"]["max_residual"] < 1e-6
     assert report["points"]["max_distance"] == pytest.approx(0.004 / report["spacing"], rel=1e-3)
@@ -183,7 +178,7 @@ def test_kept_points_off_the_surface_do_not_count_as_residual(run, tmp_path):
 
 def test_threads_do_not_change_the_result(run, tmp_path):
     for mode in ("keep", "refine"):
-        path, seen = write_ply(tmp_path / "given.ply", on_sphere(800)), set()
+        path, seen = write_points(tmp_path / "given.ply", on_sphere(800)), set()
         for threads in (1, 3):
             spec = job(3000, path, mode)
             spec["solver"] = {"threads": threads}
@@ -194,7 +189,7 @@ def test_threads_do_not_change_the_result(run, tmp_path):
 
 def test_an_order_mixes_kept_and_new_points(run, tmp_path):
     given = on_sphere(100)
-    _, columns = run(job(400, write_ply(tmp_path / "given.ply", given), "keep", output={"order": "spatial"}))
+    _, columns = run(job(400, write_points(tmp_path / "given.ply", given), "keep", output={"order": "spatial"}))
     at = stack(columns, *"xyz")
     kept = columns["kept"] == 1
     assert kept.sum() == 100 and not kept[:100].all()
@@ -242,14 +237,14 @@ def test_points_on_sharp_edges_are_kept_and_refined(run, tmp_path):
     _, old = run(on_cube(job(600)), "before")
     at = stack(old, *"xyz")
     kept = at[at[:, 0] < 0.3]
-    path = write_ply(tmp_path / "rest.ply", kept)
+    path = write_points(tmp_path / "rest.ply", kept)
     report, columns = run(on_cube(job(600, path, "keep")), "after")
     place = stack(columns, *"xyz")
     assert (place[:len(kept)] == kept).all() and len(place) == 600
     assert report["outcome"] == "converged", report["outcome_reasons"]
     assert (columns["feature"] == 2).sum() == 8
     assert report["quality"]["hex_fraction"] > 0.75 and report["quality"]["coverage"] < 1
-    report, columns = run(on_cube(job(2400, write_ply(tmp_path / "all.ply", at))), "fine")
+    report, columns = run(on_cube(job(2400, write_points(tmp_path / "all.ply", at))), "fine")
     assert report["outcome"] == "converged" and len(columns["x"]) == 2400 and report["quality"]["hex_fraction"] > 0.8
 
 
@@ -259,7 +254,7 @@ def test_points_on_sharp_edges_are_kept_and_refined(run, tmp_path):
 def test_points_keep_the_distance_from_given_ones(run, tmp_path):
     given = on_sphere(40)
     for count in (300, 2000):
-        report, columns = run(job(count, write_ply(tmp_path / "given.ply", given), "avoid", distance=0.15))
+        report, columns = run(job(count, write_points(tmp_path / "given.ply", given), "avoid", distance=0.15))
         at = stack(columns, *"xyz")
         apart, _ = cKDTree(given).query(at)
         assert len(at) == count == report["count"] and apart.min() >= 0.15
@@ -274,7 +269,7 @@ def test_points_keep_the_distance_from_given_ones(run, tmp_path):
 
 def test_floats_keep_the_distance_too(run, tmp_path):
     given = on_sphere(40) + [100, 0, 0]
-    spec = job(400, write_ply(tmp_path / "given.ply", given), "avoid", distance=0.15, output={"ply": {"precision": "float"}})
+    spec = job(400, write_points(tmp_path / "given.ply", given), "avoid", distance=0.15, output={"ply": {"precision": "float"}})
     spec["surface"]["analytic"]["center"] = [100, 0, 0]
     report, columns = run(spec)
     apart, _ = cKDTree(given).query(stack(columns, *"xyz"))
@@ -283,7 +278,7 @@ def test_floats_keep_the_distance_too(run, tmp_path):
 
 def test_two_layers_on_a_mesh_with_a_varying_spacing_stay_apart(run, tmp_path, ball):
     _, first = run(job(30, surface=ball), "first")
-    path = write_ply(tmp_path / "first.ply", stack(first, *"xyz"))
+    path = write_points(tmp_path / "first.ply", stack(first, *"xyz"))
     spec = job(1000, path, "avoid", distance=0.12, surface=ball, output={"order": "progressive", "points_npz": True})
     spec["sampling"]["curvature"] = {"ratio": 2}
     report, columns = run(spec)
@@ -295,7 +290,7 @@ def test_two_layers_on_a_mesh_with_a_varying_spacing_stay_apart(run, tmp_path, b
 
 def test_a_spacing_takes_all_points_that_are_far_enough(run, tmp_path):
     given = on_sphere(40)
-    spec = job(300, write_ply(tmp_path / "given.ply", given), "avoid", distance=0.2)
+    spec = job(300, write_points(tmp_path / "given.ply", given), "avoid", distance=0.2)
     del spec["sampling"]["count"]
     spec["sampling"]["spacing"] = 0.08
     report, columns = run(spec)
@@ -312,9 +307,14 @@ def test_a_point_off_the_surface_is_named_by_its_row(refuse, tmp_path):
     given = on_sphere(50)
     given[17] *= 1.2
     for mode, more in (("keep", {}), ("refine", {}), ("avoid", {"distance": 0.1})):
-        error = refuse(job(200, write_ply(tmp_path / "given.ply", given), mode, **more))
+        error = refuse(job(200, write_points(tmp_path / "given.ply", given), mode, **more))
         assert error["code"] == "input_unsupported" and "row 17 (from 0)" in error["message"], error
         assert "given.ply" in error["message"] and "0.1 spacings" in error["message"]
+        away = float(re.search(r"is ([\d.]+) spacings from the surface", error["message"])[1])
+        assert away == pytest.approx(0.2 / (8 * numpy.pi / 200 / 3 ** 0.5) ** 0.5, rel=0.01), error
+    given[17] = 0  # the gradient vanishes there
+    error = refuse(job(200, write_points(tmp_path / "given.ply", given), "keep"))
+    assert "row 17 (from 0), at (0, 0, 0), is more than 0.1 spacings from the surface" in error["message"]
 
 
 @pytest.mark.parametrize("points, where, words", [
@@ -346,7 +346,7 @@ def test_members_that_exclude_given_points_are_named(refuse, more, words):
 
 
 def test_the_count_includes_kept_points(refuse, tmp_path):
-    path = write_ply(tmp_path / "given.ply", on_sphere(100))
+    path = write_points(tmp_path / "given.ply", on_sphere(100))
     error = refuse(job(100, path, "keep"))
     assert error["code"] == "spec_invalid" and "more than 100" in error["message"]
     error = refuse(job(99, path, "refine"))
@@ -354,13 +354,13 @@ def test_the_count_includes_kept_points(refuse, tmp_path):
 
 
 def test_a_mesh_of_an_avoiding_job_is_refused(refuse, tmp_path):
-    path = write_ply(tmp_path / "given.ply", on_sphere(20))
+    path = write_points(tmp_path / "given.ply", on_sphere(20))
     error = refuse(job(100, path, "avoid", distance=0.1, output={"mesh": True}))
     assert error["code"] == "spec_invalid" and "/output/mesh" in error["message"]
 
 
 def test_a_distance_that_leaves_nothing_is_refused(refuse, tmp_path):
-    error = refuse(job(100, write_ply(tmp_path / "given.ply", on_sphere(20)), "avoid", distance=3))
+    error = refuse(job(100, write_points(tmp_path / "given.ply", on_sphere(20)), "avoid", distance=3))
     assert error["code"] == "no_surface" and "reduce the distance" in error["message"]
 
 
@@ -397,7 +397,7 @@ def test_files_that_hold_no_points_are_refused(refuse, tmp_path):
     (tmp_path / "a.txt").write_text("1 0 0\n")
     error = refuse(job(100, tmp_path / "a.txt"))
     assert error["code"] == "input_unsupported" and ".ply or .npz" in error["message"]
-    write_ply(tmp_path / "none.ply", numpy.empty((0, 3)))
+    write_points(tmp_path / "none.ply", numpy.empty((0, 3)))
     error = refuse(job(100, tmp_path / "none.ply"))
     assert error["code"] == "input_damaged" and "no points" in error["message"]
     assert refuse(job(100, tmp_path / "missing.ply"))["code"] == "input_missing"
@@ -418,7 +418,7 @@ def test_arrays_of_numpy_are_read_in_both_precisions(run, tmp_path):
 
 def test_the_file_is_hashed_and_must_lie_below_an_input_root(worker, tmp_path):
     (tmp_path / "below").mkdir()
-    path = write_ply(tmp_path / "below" / "given.ply", on_sphere(100))
+    path = write_points(tmp_path / "below" / "given.ply", on_sphere(100))
     spec = job(400, "given.ply", "keep")
     assert worker(spec, "--input-root", tmp_path / "below").returncode == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -431,7 +431,7 @@ def test_the_file_is_hashed_and_must_lie_below_an_input_root(worker, tmp_path):
 
 
 def test_an_estimate_has_the_count_of_the_result(worker, tmp_path):
-    path = write_ply(tmp_path / "given.ply", on_sphere(50))
+    path = write_points(tmp_path / "given.ply", on_sphere(50))
     for mode, more in (("keep", {}), ("avoid", {"distance": 0.1})):
         done = worker(job(500, path, mode, **more), command="estimate")
         assert done.returncode == 0, done.stderr

@@ -134,10 +134,10 @@ static judgement judge_with(mesh m, bool known, threads *pool)
     mesh_solids t = {0};
     mesh_edges edges = {0};
     const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    const mesh_place place = {TOLERANCE, unit, known ? &edges : NULL, pool};
+    const mesh_repair_input in = {TOLERANCE, unit, known ? &edges : NULL, pool};
     assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &j.notes, &j.e));
     assert_true(!known || mesh_edges_list(&m, pool, &edges, &j.e));
-    j.ok = mesh_repair_solids(&m, &place, &t, &j.notes, &j.e);
+    j.ok = mesh_repair_solids(&m, &in, &t, &j.notes, &j.e);
     j.triangles = m.triangle_count;
     j.solids = t.solid_count;
     if (j.ok) assert_int_equal(t.first[t.solid_count], m.triangle_count);

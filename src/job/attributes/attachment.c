@@ -7,11 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/mesh_weld.h"
+#include "geometry/mesh/orientation.h"
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
-#include "geometry/space/triangle.h"
-#include "surface/triangles/triangle_tree.h"
+#include "surface/triangles/mesh_place.h"
 #include "io/meshes/mesh_file.h"
 
 static const char what[] = "the places of points on meshes";
@@ -97,16 +98,10 @@ static uint32_t corner_at(const mesh_polygons *p, uint32_t face, uint32_t vertex
     return k;
 }
 
-static triangle triangle_of(const mesh *m, const uint32_t t[3])
-{
-    return (triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
-}
-
 /* Sorts the corners: the lowest one first, then counter-clockwise seen from the side of the normal. */
-static void put_in_order(const triangle *t, vec3 normal, uint32_t corner[3], double weight[3])
+static void put_in_order(vec3 of_triangle, vec3 normal, uint32_t corner[3], double weight[3])
 {
-    const vec3 across = vec3_cross(vec3_sub(t->b, t->a), vec3_sub(t->c, t->a));
-    const bool is_turned = vec3_dot(across, normal) < 0;
+    const bool is_turned = vec3_dot(of_triangle, normal) < 0;
     const int first = corner[0] <= corner[1]   ? (corner[0] <= corner[2] ? 0 : 2)
                       : corner[1] <= corner[2] ? 1
                                                : 2;
@@ -154,30 +149,28 @@ static void store_place(double *const values[ATTACHMENT_ARRAYS], size_t i, size_
     }
 }
 
-/* Stores the position of point i on this mesh if its squared distance is less than *distance2, which is
- * updated. */
-static void find_place(const search *s, size_t file, vec3 position, vec3 normal, size_t i, double *distance2,
+/* Stores the place of point i on this mesh if its distance is less than *distance, which is updated. */
+static void find_place(const search *s, size_t file, vec3 position, vec3 normal, size_t i, double *distance,
                        double *const values[ATTACHMENT_ARRAYS])
 {
-    const vec3 x = vec3_sub(position, s->origin);
-    size_t n;
-    if (!triangle_tree_find_nearer(s->tree, x, distance2, &n)) return;
-    const triangle t = triangle_of(&s->p.m, s->p.m.triangle[n]);
+    mesh_place p;
+    if (!mesh_place_find(s->tree, vec3_sub(position, s->origin), &normal, *distance, &p)) return;
+    if (values[ATTACHMENT_MESH][i] >= 0 && !(p.distance < *distance)) return;
+    const uint32_t *t = s->p.m.triangle[p.triangle], face = s->face[p.triangle];
     uint32_t corner[3];
-    double weight[3];
-    triangle_weights(&t, x, weight);
-    for (int k = 0; k < 3; k++) corner[k] = corner_at(&s->p.polygons, s->face[n], s->p.m.triangle[n][k]);
-    put_in_order(&t, normal, corner, weight);
-    store_place(values, i, file, s->face[n], corner, weight);
+    for (int k = 0; k < 3; k++) corner[k] = corner_at(&s->p.polygons, face, t[k]);
+    put_in_order(mesh_place_normal(&s->p.m, &p), normal, corner, p.weight);
+    store_place(values, i, file, face, corner, p.weight);
+    *distance = p.distance;
 }
 
-static void count_places(const double *on_mesh, const double *distance2, const double *spacing, size_t count,
+static void count_places(const double *on_mesh, const double *distance, const double *spacing, size_t count,
                          attachment_counts *counts)
 {
     *counts = (attachment_counts){0};
     for (size_t i = 0; i < count; i++) {
         counts->outside += on_mesh[i] < 0;
-        if (on_mesh[i] >= 0) counts->distance = fmax(counts->distance, sqrt(distance2[i]) / spacing[i]);
+        if (on_mesh[i] >= 0) counts->distance = fmax(counts->distance, distance[i] / spacing[i]);
     }
 }
 
@@ -187,11 +180,10 @@ bool attachment_find(attachment_file *files, size_t file_count, size_t memory_li
 {
     static const uint32_t no_corner[3];
     static const double no_weight[3] = {-1, -1, -1};
-    double *distance2 = mem_array(count, sizeof *distance2, what, e);
-    bool ok = distance2 != NULL;
+    double *distance = mem_array(count, sizeof *distance, what, e);
+    bool ok = distance != NULL;
     for (size_t i = 0; ok && i < count; i++) {
-        const double most = ATTACHMENT_TOLERANCE * spacing[i];
-        distance2[i] = most * most;
+        distance[i] = ATTACHMENT_TOLERANCE * spacing[i];
         store_place(values, i, 0, 0, no_corner, no_weight);
         values[ATTACHMENT_MESH][i] = values[ATTACHMENT_FACE][i] = -1;
         for (size_t k = 0; k < 3; k++) values[ATTACHMENT_CORNER][3 * i + k] = -1;
@@ -201,11 +193,11 @@ bool attachment_find(attachment_file *files, size_t file_count, size_t memory_li
         ok = begin_search(&files[f], memory_limit, &s, e) || error_prefix(e, "%s", files[f].path);
         if (ok) files[f].topology = topology_of(&s.p);
         for (size_t i = 0; ok && i < count; i++)
-            find_place(&s, f, position[i], normal[i], i, &distance2[i], values);
+            find_place(&s, f, position[i], normal[i], i, &distance[i], values);
         end_search(&s);
     }
-    if (ok) count_places(values[ATTACHMENT_MESH], distance2, spacing, count, counts);
-    free(distance2);
+    if (ok) count_places(values[ATTACHMENT_MESH], distance, spacing, count, counts);
+    free(distance);
     return ok;
 }
 
@@ -222,6 +214,9 @@ typedef struct frame {
     polygon_mesh p;
     uint32_t *joined; /* per vertex: the first vertex with the same coordinates */
     vec3 *normal;     /* per polygon: unit normal; 0: no area */
+    uint32_t *set;    /* per polygon: its set of polygons that are connected by edges of two polygons */
+    bool *turned;     /* per polygon: its orientation is opposite to that of the first polygon of its set */
+    bool *one_sided;  /* per set: not orientable */
     size_t *first;    /* per vertex, and one more: its first incidence */
     incidence *at;
     double least; /* cosine of ATTACHMENT_CREASE */
@@ -231,6 +226,9 @@ static void free_frame(frame *f)
 {
     free(f->joined);
     free(f->normal);
+    free(f->set);
+    free(f->turned);
+    free(f->one_sided);
     free(f->first);
     free(f->at);
     free_mesh(&f->p);
@@ -278,15 +276,52 @@ static float angle_at(const polygon_mesh *p, size_t face, uint32_t k)
     return (float)atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-/* Sets `joined`: the first vertex with the same coordinates. */
+/* Joins the polygons at each edge of two. */
+static void join_polygons(const mesh_edges *edges, const uint32_t *face, orientation *o)
+{
+    for (size_t v = 0, n; v < edges->vertex_count; v++)
+        for (size_t k = edges->first[v]; k < edges->first[v + 1]; k += n) {
+            n = mesh_edges_width(edges, v, k);
+            const mesh_side *side = edges->sides + k;
+            if (n == 2 && face[side[0].triangle] != face[side[1].triangle])
+                orientation_join(o, face[side[0].triangle], face[side[1].triangle],
+                                 side[0].upwards == side[1].upwards);
+        }
+}
+
+/* Sets `set`, `turned` and `one_sided`. `welded`: the triangles, with joined vertices. */
+static bool find_orientations(frame *f, const mesh *welded, error *e)
+{
+    const size_t polygons = f->p.polygons.count;
+    mesh_edges edges = {0};
+    orientation o = {0};
+    uint32_t *face = faces_of_triangles(&f->p, e);
+    f->set = mem_array(polygons, sizeof *f->set, what, e);
+    f->turned = mem_array(polygons, sizeof *f->turned, what, e);
+    f->one_sided = mem_array(polygons, sizeof *f->one_sided, what, e);
+    const bool ok = face && f->set && f->turned && f->one_sided && orientation_init(&o, polygons, e) &&
+                    mesh_edges_list(welded, NULL, &edges, e);
+    if (ok) join_polygons(&edges, face, &o);
+    for (uint32_t k = 0; ok && k < polygons; k++) {
+        f->set[k] = orientation_find(&o, k, &f->turned[k]);
+        f->one_sided[k] = o.conflict[k];
+    }
+    orientation_free(&o);
+    mesh_edges_free(&edges);
+    free(face);
+    return ok;
+}
+
+/* Sets `joined`, the first vertex with the same coordinates, and the orientations. */
 static bool join_vertices(frame *f, error *e)
 {
     mesh copy = {0};
     f->joined = mem_array(f->p.m.vertex_count, sizeof *f->joined, what, e);
     if (!f->joined || !mesh_copy(&f->p.m, NULL, &copy, e)) return false;
-    const bool ok = mesh_weld_vertices(&copy, NULL, e);
+    bool ok = mesh_weld_vertices(&copy, NULL, e);
     for (size_t n = 0; ok && n < copy.triangle_count; n++)
         for (int k = 0; k < 3; k++) f->joined[f->p.m.triangle[n][k]] = copy.triangle[n][k];
+    ok = ok && find_orientations(f, &copy, e);
     mesh_free(&copy);
     return ok;
 }
@@ -326,18 +361,26 @@ static bool open_frame(const attachment_file *file, size_t memory_limit, frame *
     return f->normal && join_vertices(f, e) && list_incidences(f, e);
 }
 
-/* The normal of a polygon at one of its vertices. Normals of adjacent polygons with the opposite orientation
- * are reversed. */
+/* The normal of another polygon, on the side of polygon `face`. */
+static vec3 normal_on_side(const frame *f, uint32_t other, uint32_t face)
+{
+    const vec3 n = f->normal[other];
+    const bool is_one_set = f->set[other] == f->set[face];
+    const bool is_opposite = is_one_set && f->one_sided[f->set[face]] ? vec3_dot(n, f->normal[face]) < 0
+                             : is_one_set                             ? f->turned[other] != f->turned[face]
+                                                                      : false;
+    return is_opposite ? vec3_scale(n, -1) : n;
+}
+
+/* The normal of a polygon at one of its vertices. */
 static vec3 corner_normal(const frame *f, uint32_t face, uint32_t vertex)
 {
     const vec3 own = f->normal[face];
     const uint32_t v = f->joined[vertex];
     vec3 sum = {0, 0, 0};
     for (size_t k = f->first[v]; k < f->first[v + 1]; k++) {
-        const vec3 n = f->normal[f->at[k].face];
-        const double same = vec3_dot(n, own);
-        if (fabs(same) >= f->least)
-            sum = vec3_add(sum, vec3_scale(n, (double)(same < 0 ? -f->at[k].angle : f->at[k].angle)));
+        const vec3 n = normal_on_side(f, f->at[k].face, face);
+        if (vec3_dot(n, own) >= f->least) sum = vec3_axpy((double)f->at[k].angle, n, sum);
     }
     return vec3_norm(sum) > 0 ? vec3_unit(sum) : own;
 }

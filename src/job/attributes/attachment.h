@@ -59,9 +59,9 @@ typedef struct attachment_counts {
     double distance; /* largest distance of the other points from their stored positions, in spacings */
 } attachment_counts;
 
-/* Finds the nearest position on all meshes; of equal distances the first one. The corners are
- * counter-clockwise seen from the side of the point's normal, and begin with the lowest index. Sets the
- * topology of each file. Errors: those of mesh_file_read, prefixed with the path. */
+/* Finds the nearest position on all meshes; of equal distances the first mesh. On an edge, the face is the one
+ * whose normal is most nearly parallel to the point's normal (mesh_place.h). The corners are counter-clockwise seen
+ * from the side of the point's normal, and begin with the lowest index. Sets the topology of each file. Errors: those of mesh_file_read, prefixed with the path. */
 bool attachment_find(attachment_file *files, size_t file_count, size_t memory_limit, size_t count,
                      const vec3 *position, const vec3 *normal, const double *spacing,
                      double *const values[ATTACHMENT_ARRAYS], attachment_counts *counts, error *e);
@@ -69,7 +69,8 @@ bool attachment_find(attachment_file *files, size_t file_count, size_t memory_li
 /* Evaluates position and normal of the points with a stored position; others are unchanged. A normal is
  * interpolated between the normals at the three corners. The normal at a corner is the mean of the normals of
  * the polygons there that deviate from the point's own polygon by at most ATTACHMENT_CREASE, weighted by
- * their angles there. Errors: input_unsupported (the topology differs; the message has the difference),
+ * their angles there. Polygons that the file orients the other way are reversed: across edges of two
+ * polygons their order of vertices decides, so that the faces of a sharp edge do not count as one. Errors: input_unsupported (the topology differs; the message has the difference),
  * input_damaged (an index is beyond the mesh), those of mesh_file_read. */
 bool attachment_evaluate(const attachment_file *files, size_t file_count, size_t memory_limit, size_t count,
                          const double *const values[ATTACHMENT_ARRAYS], vec3 *position, vec3 *normal,

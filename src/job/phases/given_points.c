@@ -10,6 +10,7 @@
 #include "surface/field/projection.h"
 #include "io/meshes/mesh_file.h"
 #include "job/source/mesh_projection.h"
+#include "sampling/packing/point_flags.h"
 
 /* Maximum distance of a given point from the surface, in spacings: a point of a coarser file, or on the
  * triangles of a level set, is nearer. A point farther away belongs to another surface, or has other
@@ -20,6 +21,8 @@ enum { START_LEAST = 4 };
 /* Maximum displacement, in spacings, by the projection onto the sampled surface: the level set of a mesh may
  * lack thin parts. */
 static const double MAX_DISPLACEMENT = 1;
+/* Distances from patches that differ by less than this, in spacings, are equal: the point is on an edge. */
+static const double SAME_DISTANCE = 1e-6;
 enum { GRAIN = 256 };
 
 static const char what[] = "the given points";
@@ -49,51 +52,103 @@ bool given_points_read(const spec *s, source *from, size_t memory_limit, given_p
 /* ---- on the surface */
 
 typedef struct place_job {
-    const field *field; /* field onto which points are projected, if is_projected */
-    bool is_projected;
-    given_points *g;
+    const field *field;               /* onto which points are projected */
+    const field_patches *patches;     /* of the sampled surface; or NULL */
+    const mesh_surface *mesh;         /* triangles on which the surface is sampled; or NULL */
     const mesh_projection *triangles; /* triangles on which points are delivered; or NULL */
+    given_points *g;
     double h;
-    double *distance; /* per row, over h; INFINITY: no position on the surface was found */
+    double *distance; /* per row, over h; INFINITY: unknown */
+    bool *is_placed;  /* per row */
 } place_job;
+
+static bool place_on_mesh(const place_job *job, size_t i)
+{
+    given_points *g = job->g;
+    mesh_surface_place at[MESH_SURFACE_PLACES];
+    if (mesh_surface_places(job->mesh, g->position[i], at) == 0) return false;
+    g->projected[i] = g->position[i];
+    g->normal[i] = at[0].normal;
+    g->patch[i] = at[0].patch;
+    job->distance[i] = at[0].distance / job->h;
+    return true;
+}
+
+/* Sets the patch and the normal of point i: of the patches that contain its place, the nearest one; at equal
+ * distances the first. */
+static void find_patch(const place_job *job, size_t i)
+{
+    given_points *g = job->g;
+    double least = INFINITY;
+    bool is_within = false;
+    for (uint32_t k = 0; k < job->patches->count; k++) {
+        const field *f = job->patches->patch[k].field;
+        field_sample s;
+        if (!field_sample_at(f, g->position[i], FIELD_GRADIENT, &s) || !(vec3_norm(s.gradient) > 0)) continue;
+        const double distance = fabs(s.value) / vec3_norm(s.gradient);
+        const bool contains = field_is_within(f, g->position[i]);
+        if (contains < is_within || (contains == is_within && !(distance < least - SAME_DISTANCE * job->h)))
+            continue;
+        is_within = contains;
+        least = distance;
+        g->patch[i] = k;
+        g->normal[i] = vec3_unit(s.gradient);
+    }
+}
+
+static bool place_on_field(const place_job *job, size_t i)
+{
+    given_points *g = job->g;
+    const projection_limits limits = projection_draft(job->h);
+    field_sample s;
+    vec3 x = g->position[i];
+    const bool is_found = projection_find(job->field, &limits, &x, &g->normal[i]);
+    const double moved = is_found ? vec3_norm(vec3_sub(x, g->position[i])) / job->h : INFINITY;
+    if (g->patch) find_patch(job, i);
+    g->projected[i] = x;
+    job->distance[i] = moved;
+    if (!job->triangles) return is_found;
+    if (field_sample_at(&job->triangles->base, g->world[i], FIELD_GRADIENT, &s))
+        job->distance[i] = fabs(s.value) / job->h;
+    return moved < MAX_DISPLACEMENT;
+}
 
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const place_job *job = context;
-    given_points *g = job->g;
-    const projection_limits limits = projection_draft(job->h);
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        vec3 x = g->position[i];
-        field_sample s;
-        double moved = 0;
         job->distance[i] = INFINITY;
-        if (job->is_projected) {
-            if (!projection_find(job->field, &limits, &x, &g->normal[i])) continue;
-            moved = vec3_norm(vec3_sub(x, g->position[i]));
-        }
-        g->projected[i] = x;
-        if (!job->triangles)
-            job->distance[i] = moved / job->h;
-        else if (moved < MAX_DISPLACEMENT * job->h &&
-                 field_sample_at(&job->triangles->base, g->world[i], FIELD_GRADIENT, &s))
-            job->distance[i] = fabs(s.value) / job->h;
+        job->is_placed[i] = job->mesh ? place_on_mesh(job, i) : place_on_field(job, i);
     }
 }
 
-static bool check_distances(given_points *g, const spec *s, const double *distance, error *e)
+static bool refuse_row(const given_points *g, const spec *s, size_t i, double distance, error *e)
 {
-    for (size_t i = 0; i < g->count; i++) {
-        g->farthest = fmax(g->farthest, distance[i]);
-        if (distance[i] <= MAX_DISTANCE) continue;
-        char by[48] = "more";
-        if (isfinite(distance[i])) snprintf(by, sizeof by, "%.3g spacings", distance[i]);
-        const vec3 x = g->world[i];
+    const vec3 x = g->world[i];
+    char where[160], by[48];
+    snprintf(where, sizeof where, "row %zu (from 0), at (%.9g, %.9g, %.9g),", i, x.x, x.y, x.z);
+    snprintf(by, sizeof by, isfinite(distance) ? "%.3g" : "more than %g",
+             isfinite(distance) ? distance : MAX_DISTANCE);
+    if (distance <= MAX_DISTANCE)
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
-            "%s: row %zu (from 0), at (%.9g, %.9g, %.9g), is %s from the surface, and given points must "
-            "be within %g spacings: remove the row, or compare units and surface",
-            s->points.path, i, x.x, x.y, x.z, by, MAX_DISTANCE);
+            "%s: %s lies on a part of the mesh that its level set does not represent: remove the "
+            "row, or make the voxels of surface.mesh smaller",
+            s->points.path, where);
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "%s: %s is %s spacings from the surface, and given points must be within %g spacings: "
+                     "remove the row, or compare units and surface",
+                     s->points.path, where, by, MAX_DISTANCE);
+}
+
+static bool check_distances(const place_job *job, const spec *s, error *e)
+{
+    given_points *g = job->g;
+    for (size_t i = 0; i < g->count; i++) {
+        g->farthest = fmax(g->farthest, job->distance[i]);
+        if (!job->is_placed[i] || !(job->distance[i] <= MAX_DISTANCE))
+            return refuse_row(g, s, i, job->distance[i], e);
     }
     return true;
 }
@@ -118,6 +173,7 @@ static bool drop_equal(given_points *g, error *e)
     for (size_t i = 0; drops && i < g->count; i++) {
         if (drops[i]) continue;
         g->projected[g->start_count] = g->projected[i];
+        if (g->patch) g->patch[g->start_count] = g->patch[i];
         g->normal[g->start_count++] = g->normal[i];
     }
     const bool ok = drops != NULL;
@@ -150,19 +206,22 @@ bool given_points_place(given_points *g, const spec *s, const source *from, doub
     if (!check_count(g, s, count, e)) return false;
     g->normal = mem_array(g->count, sizeof *g->normal, what, e);
     g->projected = mem_array(g->count, sizeof *g->projected, what, e);
-    const mesh_projection *on = mesh_projection_find_distance(from, &triangles) ? &triangles : NULL;
-    place_job job = {.field = from->field->patches ? from->whole.field : from->field,
-                     .is_projected = !from->field->patches || !on,
+    const field_patches *patches = from->field->patches;
+    place_job job = {.field = patches ? from->whole.field : from->field,
+                     .patches = patches,
+                     .mesh = source_triangles(from),
+                     .triangles = mesh_projection_find_distance(from, &triangles) ? &triangles : NULL,
                      .g = g,
-                     .triangles = on,
                      .h = h,
-                     .distance = mem_array(g->count, sizeof *job.distance, what, e)};
-    bool ok = g->normal && g->projected && job.distance;
+                     .distance = mem_array(g->count, sizeof *job.distance, what, e),
+                     .is_placed = mem_array(g->count, sizeof *job.is_placed, what, e)};
+    if (patches) g->patch = mem_array(g->count, sizeof *g->patch, what, e);
+    bool ok = g->normal && g->projected && job.distance && job.is_placed && (g->patch || !patches);
     if (ok) threads_run(pool, g->count, GRAIN, place_chunk, &job);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
-    ok = ok && check_distances(g, s, job.distance, e) &&
-         (s->points.mode != SPEC_POINTS_REFINE || drop_equal(g, e));
+    ok = ok && check_distances(&job, s, e) && (s->points.mode != SPEC_POINTS_REFINE || drop_equal(g, e));
     free(job.distance);
+    free(job.is_placed);
     return ok;
 }
 
@@ -188,9 +247,68 @@ void given_points_restore(const given_points *g, const uint32_t *point, size_t c
     }
 }
 
+/* ---- in the measures */
+
+static void set_wall(given_walls *w, size_t copy, const solver_patch_points *from, size_t at)
+{
+    w->normal[copy] = from->normal[at];
+    w->point[copy] = from->point[at];
+    w->patch[copy] = from->patch[at];
+    w->flags[copy] = from->flags[at];
+}
+
+/* Sets the walls of kept point i: the first in the place of the point, the others at the end, from *count on. */
+static void set_kept(given_walls *w, const given_points *g, const mesh_surface *on, uint32_t i, size_t *count)
+{
+    mesh_surface_place at[MESH_SURFACE_PLACES];
+    const field_patches *patches = mesh_surface_field(on)->patches;
+    const size_t walls = mesh_surface_places(on, g->position[g->row[i]], at);
+    const uint8_t flags = (uint8_t)((w->flags[i] & ~PACKING_ONE_SIDED) | (walls > 1 ? PACKING_FIXED : 0));
+    for (size_t k = 0; k < walls; k++) {
+        const uint8_t sign = patches->patch[at[k].patch].one_sided ? PACKING_ONE_SIDED : 0,
+                      all = flags | sign;
+        set_wall(w, k == 0 ? i : (*count)++,
+                 &(solver_patch_points){
+                     .normal = &at[k].normal, .point = &i, .patch = &at[k].patch, .flags = &all},
+                 0);
+    }
+}
+
+bool given_points_walls(const given_points *g, const source *from, size_t points, solver_patch_points *copies,
+                        given_walls *out, error *e)
+{
+    const mesh_surface *on = source_triangles(from);
+    size_t most = copies->count, count = points;
+    *out = (given_walls){0};
+    if (!g->kept || !on) return true;
+    for (size_t i = 0; i < points; i++) most += g->kept[i] ? MESH_SURFACE_PLACES : 0;
+    out->normal = mem_array(most, sizeof *out->normal, what, e);
+    out->point = mem_array(most, sizeof *out->point, what, e);
+    out->patch = mem_array(most, sizeof *out->patch, what, e);
+    out->flags = mem_array(most, sizeof *out->flags, what, e);
+    if (!out->normal || !out->point || !out->patch || !out->flags) return false;
+    for (size_t k = 0; k < points; k++) set_wall(out, k, copies, k);
+    for (size_t k = points; k < copies->count; k++)
+        if (!g->kept[copies->point[k]]) set_wall(out, count++, copies, k);
+    for (uint32_t i = 0; i < points; i++)
+        if (g->kept[i]) set_kept(out, g, on, i, &count);
+    *copies = (solver_patch_points){
+        .count = count, .normal = out->normal, .patch = out->patch, .point = out->point, .flags = out->flags};
+    return true;
+}
+
+void given_walls_free(given_walls *w)
+{
+    free(w->normal);
+    free(w->point);
+    free(w->patch);
+    free(w->flags);
+    *w = (given_walls){0};
+}
+
 double given_points_bytes(const given_points *g)
 {
-    return (double)(g->count * 4 * sizeof(vec3));
+    return (double)(g->count * (4 * sizeof(vec3) + sizeof *g->patch));
 }
 
 void given_points_describe(const given_points *g, const spec *s, json *report)
@@ -210,6 +328,7 @@ void given_points_free(given_points *g)
     free(g->position);
     free(g->normal);
     free(g->projected);
+    free(g->patch);
     free(g->row);
     free(g->kept);
     *g = (given_points){0};

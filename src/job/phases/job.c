@@ -320,9 +320,11 @@ static bool place_around_kept(job *j, const solver_params *params, frame_transfe
     carry.previous_count = p->count;
     carry.position = p->position;
     carry.normal = p->normal;
+    carry.patch = p->patch;
     carry.fixed_count = j->given.count;
     carry.fixed = j->given.position;
     carry.fixed_normal = j->given.normal;
+    carry.fixed_patch = j->given.patch;
     const bool ok = frame_transfer_points(j->source.field, j->scan, &carry, j->pool, out, e) &&
                     given_points_note(&j->given, out->fixed, out->count, e);
     solver_free(packed);
@@ -425,6 +427,7 @@ bool job_place(job *j, solution *out, error *e)
         params.start = SOLVER_START_COARSEST;
         params.given = j->given.projected;
         params.given_normal = j->given.normal;
+        params.given_patch = j->given.patch;
         params.given_count = j->given.start_count;
     }
     if (brought.position) start_from(&params, &brought);
@@ -602,9 +605,11 @@ static double requested_at(const void *context, vec3 x)
 bool job_measure(job *j, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
-    const solver_patch_points *stands = &p->patch_points;
+    solver_patch_points stands = p->patch_points;
     measured_surface on = {0};
-    bool ok = measured_surface_open(&j->source, j->scan, &on, e);
+    given_walls walls;
+    bool ok = given_points_walls(&j->given, &j->source, p->count, &stands, &walls, e) &&
+              measured_surface_open(&j->source, j->scan, &on, e);
     if (ok) {
         s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
         s->farthest = mem_array(on.facets.patch_count, sizeof *s->farthest, "the result", e);
@@ -626,16 +631,17 @@ bool job_measure(job *j, solution *s, error *e)
                                .achieved = j->spec->has_alpha,
                                .kept = j->given.kept,
                                .exact = j->options->exact_measures,
-                               .copy_count = stands->count,
-                               .copy_normal = on.own_normals ? NULL : stands->normal,
-                               .copy_point = stands->point,
-                               .copy_patch = stands->patch,
-                               .copy_flags = stands->flags,
+                               .copy_count = stands.count,
+                               .copy_normal = on.own_normals ? NULL : stands.normal,
+                               .copy_point = stands.point,
+                               .copy_patch = stands.patch,
+                               .copy_flags = stands.flags,
                                .patch_labels = (const uint32_t(*)[2])on.patch_labels,
                                .out_piece = s->order_known.piece,
                                .out_spacing = s->order_known.spacing};
     ok = ok && measures_take(&in, j->pool, s->spacing_local, s->degree, s->farthest, &s->measures, e);
     measured_surface_close(&on);
+    given_walls_free(&walls);
     return ok;
 }
 

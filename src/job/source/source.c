@@ -875,6 +875,13 @@ const mesh *source_closed_mesh(const source *s)
     return p && p->closed && p->nonmanifold_edges == 0 ? &p->m : NULL;
 }
 
+const mesh_surface *source_triangles(const source *s)
+{
+    const source_part *p = &s->whole;
+    const mesh_surface *on = p->mesh ? p->mesh : p->labels ? label_surface_triangles(p->labels) : NULL;
+    return on && s->field == mesh_surface_field(on) ? on : NULL;
+}
+
 size_t source_memory(const source *s)
 {
     return (s->region ? region_bytes(s->region) : 0) + creased_bytes(s->creased) + map_memory(s->map) +

@@ -124,6 +124,10 @@ size_t source_thin_places(const source *s, const vec3 **place);
 const mesh *source_mesh(const source *s);
 const mesh *source_closed_mesh(const source *s);
 
+/* The triangles on which the points are sampled, in the sampled space: of a mesh, or of the interfaces of labels.
+ * NULL: they are sampled on a field without triangles. */
+const mesh_surface *source_triangles(const source *s);
+
 /* Bytes of the source; 0 if it is not open. */
 size_t source_memory(const source *s);
 

@@ -97,18 +97,57 @@ static bool describe_energies(solver *s, error *e)
     return true;
 }
 
+/* Maximum distance from a patch, in spacings, of a point that lies on it. */
+static const double ON_PATCH = 1e-6;
+
+/* Whether copy i lies on its patch. A sample of a curve that represents a near curve, too, has copies of patches
+ * that do not contain it (near_curves.h). */
+static bool is_on_its_patch(const solver *s, size_t i)
+{
+    const particles *p = s->state.p;
+    const field *f = particles_field(p, s->setup.field, i);
+    const double h = s->state.spacing * particles_size(p, i);
+    field_sample sample;
+    uint32_t hint = FIELD_NO_HINT;
+    return field_sample_near(f, p->position[i], FIELD_GRADIENT, &hint, &sample) &&
+           fabs(sample.value) <= ON_PATCH * h * vec3_norm(sample.gradient) &&
+           field_is_within_near(f, p->position[i], &hint);
+}
+
+#define NO_PARTICLE UINT32_MAX
+
+/* Finds the first copy of each point on a curve, of those that lie on their patches if there is one. *beside: of
+ * each particle: it is a copy that does not lie on its patch, and another one of its point does. */
+static void choose_first_copies(const solver *s, uint32_t *first, bool *beside)
+{
+    const particles *p = s->state.p;
+    for (size_t i = 0; i < p->count; i++) first[i] = NO_PARTICLE;
+    for (uint32_t i = 0; i < p->count; i++) {
+        if (!particles_is_on_curve(p, i)) continue;
+        uint32_t *of_point = &first[p->place[i]];
+        beside[i] = !is_on_its_patch(s, i);
+        if (*of_point == NO_PARTICLE || (beside[*of_point] && !beside[i])) *of_point = i;
+    }
+    for (size_t i = 0; i < p->count; i++)
+        if (particles_is_on_curve(p, i)) beside[i] = beside[i] && !beside[first[p->place[i]]];
+}
+
 /* Reorders the particles: the first copy of each point, then further copies. Sets point, feature, replaced
- * and flags. */
-static bool arrange_copies(solver *s, uint32_t *order, uint32_t *first, error *e)
+ * and flags. `first`: see choose_first_copies; `index`: an entry for each particle. */
+static bool arrange_copies(solver *s, uint32_t *order, const uint32_t *first, uint32_t *index, error *e)
 {
     const particles *p = s->state.p;
     size_t next = 0, copies = solver_point_count(s);
-    for (uint32_t i = 0; i < p->count; i++) {
-        bool copy = particles_is_on_curve(p, i) && first[p->place[i]] > 0;
-        if (particles_is_on_curve(p, i) && !copy) first[p->place[i]] = (uint32_t)next + 1;
-        s->record.point[copy ? copies : next] = copy ? first[p->place[i]] - 1 : (uint32_t)next;
-        order[copy ? copies++ : next++] = i;
-    }
+    for (uint32_t i = 0; i < p->count; i++)
+        if (!particles_is_on_curve(p, i) || first[p->place[i]] == i) {
+            index[i] = s->record.point[next] = (uint32_t)next;
+            order[next++] = i;
+        }
+    for (uint32_t i = 0; i < p->count; i++)
+        if (particles_is_on_curve(p, i) && first[p->place[i]] != i) {
+            s->record.point[copies] = index[first[p->place[i]]];
+            order[copies++] = i;
+        }
     assert(next == solver_point_count(s) && copies == p->count);
     for (size_t k = 0; k < next; k++) {
         s->scratch.lost[k] = s->record.replaced[order[k]];
@@ -127,14 +166,15 @@ static bool arrange_copies(solver *s, uint32_t *order, uint32_t *first, error *e
  * the normal of its first copy. */
 static const double MERGED_COSINE = 0.5;
 
-static void merge_normals(solver *s)
+/* `order`: of arrange_copies; `beside`: of the particles before. */
+static void merge_normals(solver *s, const uint32_t *order, const bool *beside)
 {
     const particles *p = s->state.p;
     size_t points = solver_point_count(s);
     memcpy(s->record.normal, p->normal, points * sizeof *p->normal);
     for (size_t k = points; k < p->count; k++) {
         uint32_t point = s->record.point[k];
-        if (vec3_dot(p->normal[k], p->normal[point]) >= MERGED_COSINE)
+        if (!beside[order[k]] && vec3_dot(p->normal[k], p->normal[point]) >= MERGED_COSINE)
             s->record.normal[point] = vec3_add(s->record.normal[point], p->normal[k]);
     }
     for (size_t k = 0; k < points; k++)
@@ -197,18 +237,24 @@ static bool merge_copies(solver *s, error *e)
     const char *what = "the result";
     size_t n = s->state.p->count, points = solver_point_count(s);
     if (!s->state.p->patch) return true;
-    uint32_t *order = mem_array(n, sizeof *order, what, e), *first = mem_array(n, sizeof *first, what, e);
+    uint32_t *order = mem_array(n, sizeof *order, what, e), *first = mem_array(n, sizeof *first, what, e),
+             *index = mem_array(n, sizeof *index, what, e);
+    bool *beside = mem_array(n, sizeof *beside, what, e);
     s->record.point = mem_array(n, sizeof *s->record.point, what, e);
     s->record.flags = mem_array(n, sizeof *s->record.flags, what, e);
     s->record.normal = mem_array(points, sizeof *s->record.normal, what, e);
     s->record.feature = mem_array(points, sizeof *s->record.feature, what, e);
     s->scratch.lost = mem_array(points, sizeof *s->scratch.lost, what, e);
-    bool ok = order && first && s->record.point && s->record.flags && s->record.normal && s->record.feature &&
-              s->scratch.lost && arrange_copies(s, order, first, e);
-    if (ok) merge_normals(s);
+    bool ok = order && first && index && beside && s->record.point && s->record.flags && s->record.normal &&
+              s->record.feature && s->scratch.lost;
+    if (ok) choose_first_copies(s, first, beside);
+    ok = ok && arrange_copies(s, order, first, index, e);
+    if (ok) merge_normals(s, order, beside);
     ok = ok && mark_wedges(s, e);
     free(order);
     free(first);
+    free(index);
+    free(beside);
     free(s->scratch.lost);
     s->scratch.lost = NULL;
     return ok;

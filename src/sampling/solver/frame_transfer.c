@@ -192,7 +192,10 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 faced = registration_turn(&c->motion, c->params->normal[k]);
         bool left = c->f->open && projection_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
         double distance;
-        if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
+        if (c->params->patch)
+            c->part[i] = c->params->patch[k];
+        else if (c->tree)
+            c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
         c->taken[i] =
             !left && land(c, c->part[i], &x, &c->normal[i]) && faces(c, c->part[i], faced, c->normal[i]);
         c->position[i] = c->landed[i] = x;
@@ -230,17 +233,47 @@ static void replace_sample(candidates *c, uint32_t i, uint32_t fixed)
 /* Adds a fixed point that replaces no curve sample. */
 static void pin_fixed(candidates *c, uint32_t fixed)
 {
+    const frame_transfer_params *p = c->params;
     const size_t i = c->fixed++;
-    vec3 x = c->params->fixed[fixed];
-    double distance;
-    c->position[i] = c->landed[i] = x;
-    if (c->tree) c->part[i] = c->place_patch[point_tree_nearest(c->tree, x, 0, &distance)];
-    if (!c->f->patches || !land(c, c->part[i], &x, &c->normal[i]))
-        c->normal[i] = c->params->fixed_normal[fixed];
+    c->position[i] = c->landed[i] = p->fixed[fixed];
+    c->normal[i] = p->fixed_normal[fixed];
+    if (p->fixed_patch) c->part[i] = p->fixed_patch[fixed];
     c->row[i] = PARTICLES_PINNED;
     c->own[i] = fixed;
     c->parent[i] = FRAME_TRANSFER_NONE;
     c->taken[i] = true;
+}
+
+/* The curve sample nearest to a fixed point, of those on its patch that no other one replaces. */
+typedef struct sample_search {
+    const candidates *c;
+    const vec3 *position;    /* of each copy, before any sample is replaced */
+    uint32_t fixed, nearest; /* nearest: a copy of it, or NO_SAMPLE */
+    double distance;
+} sample_search;
+
+#define NO_SAMPLE UINT32_MAX
+
+static void compare_sample(void *context, uint32_t i)
+{
+    sample_search *s = context;
+    const frame_transfer_params *p = s->c->params;
+    const double distance = vec3_norm(vec3_sub(s->position[i], p->fixed[s->fixed]));
+    if (s->c->own[i] != FRAME_TRANSFER_NONE || p->fixed_patch[s->fixed] != s->c->part[i]) return;
+    if (distance > s->distance || (distance == s->distance && i > s->nearest)) return;
+    s->distance = distance;
+    s->nearest = i;
+}
+
+/* The curve sample that a fixed point replaces; NO_SAMPLE: none. `tree`: of the positions of the copies; or NULL. */
+static uint32_t sample_to_replace(const candidates *c, const point_tree *tree, const vec3 *position,
+                                  uint32_t fixed)
+{
+    const frame_transfer_params *p = c->params;
+    const double h = p->sizing ? sizing_field_spacing(p->sizing, p->fixed[fixed], NULL) : c->h;
+    sample_search s = {c, position, fixed, NO_SAMPLE, INFINITY};
+    if (tree) point_tree_within(tree, p->fixed[fixed], REPLACED * h, compare_sample, &s);
+    return s.nearest;
 }
 
 /* Adds the fixed points. */
@@ -256,9 +289,8 @@ static bool place_fixed(candidates *c, error *e)
     }
     if (sample && copies > 0) ok = (tree = point_tree_new(sample, copies, e)) != NULL;
     for (uint32_t k = 0; ok && k < count; k++) {
-        double distance = INFINITY;
-        const uint32_t i = tree ? point_tree_nearest(tree, c->params->fixed[k], 0, &distance) : 0;
-        if (distance < REPLACED * c->spacing[i] && c->own[i] == FRAME_TRANSFER_NONE)
+        const uint32_t i = sample_to_replace(c, tree, sample, k);
+        if (i != NO_SAMPLE)
             replace_sample(c, i, k);
         else
             pin_fixed(c, k);

@@ -37,6 +37,7 @@ typedef struct frame_transfer_params {
     size_t previous_count;      /* >= 1 */
     const vec3 *position;       /* positions of the points of the previous frame */
     const vec3 *normal;         /* unit */
+    const uint32_t *patch;      /* the patch of each, if it is known; NULL: that of the nearest place */
     size_t count;               /* number of points of the result */
     const sizing_field *sizing; /* NULL: uniform */
     /* sweeps with the energy of the kernel run between portions of births and deaths */
@@ -46,10 +47,11 @@ typedef struct frame_transfer_params {
     /* the points lie on this surface, which has not moved: it is never considered a different one */
     bool is_still;
     /* Points that the result has at exactly these positions, with the unit normals of the surface; fewer
-     * than `count`. Points of the previous frame near them die. A fixed point near a curve sample replaces
-     * it. */
+     * than `count`. Points of the previous frame near them die. A fixed point near a curve sample of its patch
+     * replaces it. fixed_patch: the patch of each; NULL without patches. */
     size_t fixed_count;
     const vec3 *fixed, *fixed_normal;
+    const uint32_t *fixed_patch;
 } frame_transfer_params;
 
 typedef struct frame_transfer {

@@ -43,7 +43,8 @@ typedef struct solver_params {
      * on its last level. They remove more defects and move the points farther. 0: never. */
     double max_excess;
     /* With SOLVER_START_GIVEN and patches, required: patch and place of these solver_patch_points, see
-     * `given`. Without patches given_place is NULL, or PARTICLES_PINNED for particles that never move. */
+     * `given`. With SOLVER_START_COARSEST and patches, required: given_patch, the patch of each position. Without
+     * patches given_place is NULL, or PARTICLES_PINNED for particles that never move. */
     const uint32_t *given_patch, *given_place;
     /* With SOLVER_START_COARSEST: the number of positions on the surface in `given`, with unit normals unless
      * the surface has patches; at most `count`, in any order. No two are equal. Refinement inserts the

@@ -6,7 +6,6 @@
 
 #include "base/core/memory.h"
 #include "base/core/rng.h"
-#include "geometry/space/point_tree.h"
 #include "sampling/solver/curves/boundary.h"
 #include "surface/field/projection.h"
 #include "geometry/space/packing.h"
@@ -233,35 +232,8 @@ static bool place_curve_samples(const quota *a, particles *p, size_t *first, siz
     return true;
 }
 
-/* Samples of each patch, for finding the patch of a given point: at least, and for each free particle. */
-enum { PATCH_SAMPLES_LEAST = 8, SAMPLES_PER_PARTICLE = 4 };
 /* Maximum distance of a given point from its patch, in spacings. */
 static const double MAX_GIVEN_DISTANCE = 1;
-
-/* Samples of all patches. Free *place and *patch also after failure. */
-static bool sample_patches(const draw_job *job, vec3 **place, uint32_t **patch, size_t *count, error *e)
-{
-    const size_t patches = job->p->patches->count;
-    const uint32_t *free_count = job->plan->quotas[job->level].free;
-    const double *weight = sizing_field_weight(job->params->sizing, job->scan);
-    rng r = rng_seed(job->seed, job->p->count); /* no particle has this stream */
-    size_t most = 0;
-    for (size_t k = 0; k < patches; k++)
-        most += PATCH_SAMPLES_LEAST + SAMPLES_PER_PARTICLE * (size_t)free_count[k];
-    *place = mem_array(most, sizeof **place, "the start", e);
-    *patch = *place ? mem_array(most, sizeof **patch, "the start", e) : NULL;
-    *count = 0;
-    for (uint32_t k = 0; *patch && k < patches; k++) {
-        const size_t wanted = PATCH_SAMPLES_LEAST + SAMPLES_PER_PARTICLE * (size_t)free_count[k];
-        for (size_t n = 0; n < wanted; n++) {
-            const double where = ((double)n + rng_uniform(&r)) / (double)wanted;
-            (*patch)[*count] = k;
-            *count += surface_patch_point(job->scan, weight, k, where, &r, &(*place)[*count],
-                                          &(uint32_t){FIELD_NO_HINT});
-        }
-    }
-    return *patch && (*count > 0 || error_set(e, ERROR_NO_SURFACE, "no patch of the surface has an area"));
-}
 
 /* A given point on its patch; `patch` UINT32_MAX: on none, or on a curve. */
 typedef struct given_point {
@@ -269,12 +241,11 @@ typedef struct given_point {
     uint32_t patch;
 } given_point;
 
-static given_point find_given(const draw_job *job, const point_tree *tree, const uint32_t *patch, size_t i)
+static given_point find_given(const draw_job *job, size_t i)
 {
     const vec3 at = job->params->given[i];
     const projection_limits limits = projection_draft(job->spacing);
-    double distance;
-    given_point g = {.x = at, .patch = patch[point_tree_nearest(tree, at, 0, &distance)]};
+    given_point g = {.x = at, .patch = job->params->given_patch[i]};
     const field *f = field_of_patch(job->field, g.patch);
     if (!projection_find(f, &limits, &g.x, &g.normal) || !field_is_within(f, g.x) ||
         vec3_norm(vec3_sub(g.x, at)) > MAX_GIVEN_DISTANCE * job->spacing ||
@@ -308,21 +279,12 @@ static bool place_given(draw_job *job, error *e)
 {
     const char *what = "the start";
     const size_t count = job->params->given_count, patches = job->p->patches->count;
-    vec3 *place = NULL;
-    uint32_t *patch = NULL;
-    size_t places = 0;
-    bool ok = sample_patches(job, &place, &patch, &places, e);
-    point_tree *tree = ok ? point_tree_new(place, places, e) : NULL;
-    given_point *given = tree ? mem_array(count, sizeof *given, what, e) : NULL;
+    given_point *given = mem_array(count, sizeof *given, what, e);
     size_t *found = given ? mem_array(2 * patches, sizeof *found, what, e) : NULL;
     job->is_placed = found ? mem_array(job->p->count, sizeof *job->is_placed, what, e) : NULL;
-    ok = job->is_placed != NULL;
-    for (size_t i = 0; ok && i < count && !threads_stopped(job->pool); i++)
-        given[i] = find_given(job, tree, patch, i);
+    const bool ok = job->is_placed != NULL;
+    for (size_t i = 0; ok && i < count && !threads_stopped(job->pool); i++) given[i] = find_given(job, i);
     if (ok && !threads_stopped(job->pool)) fill_patches(job, given, count, found, found + patches);
-    point_tree_free(tree);
-    free(place);
-    free(patch);
     free(given);
     free(found);
     return ok;

@@ -158,6 +158,11 @@ void label_surface_close(label_surface *s)
     free(s);
 }
 
+const mesh_surface *label_surface_triangles(const label_surface *s)
+{
+    return s->surface;
+}
+
 const field *label_surface_field(const label_surface *s)
 {
     return mesh_surface_field(s->surface);

@@ -7,7 +7,7 @@
 #include "surface/field/field.h"
 #include "base/json/json.h"
 #include "surface/labels/label_volume.h"
-#include "surface/triangles/mesh_patches.h"
+#include "surface/triangles/mesh_surface.h"
 
 typedef struct label_surface_request {
     slices *from; /* the volume; not used after label_surface_open */
@@ -27,6 +27,7 @@ void label_surface_close(label_surface *s); /* accepts NULL */
 
 /* The point of the triangles of all interfaces that is nearest to x. */
 vec3 label_surface_nearest(const label_surface *s, vec3 x);
+const mesh_surface *label_surface_triangles(const label_surface *s); /* owned by *s */
 const field *label_surface_field(const label_surface *s);
 const mesh_patches *label_surface_patches(const label_surface *s); /* the patches of label_surface_field */
 size_t label_surface_bytes(const label_surface *s);                /* 0 for NULL */

@@ -328,10 +328,10 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
     assert(!p->edges || k->m->welded);
     if (!mesh_weld(k->m, MESH_DROP_IF_CLOSED, k->notes, e) || !to_index_space(k, p, out->index_to_world, e))
         return false;
-    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
+    const mesh_repair_input in = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
     out->grid_class = VDB_LEVEL_SET;
     out->background = (float)(k->band * k->voxel_size);
-    return mesh_repair_solids(k->m, &place, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
+    return mesh_repair_solids(k->m, &in, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
            may_go_on(k, e) &&
            winding_make(k->m, k->solids.first, k->solids.solid_count, k->pool, k->limit, &k->columns, e) &&
            fill_leaves(k, out, e) && fill_tiles(k, out, e);

@@ -27,7 +27,7 @@ typedef struct component {
 
 typedef struct judging {
     mesh *m;
-    const mesh_place *place;
+    const mesh_repair_input *in;
     mesh_notes *notes;
     const mesh_edges *edges;
     mesh_edges own;     /* if they were not given */
@@ -125,7 +125,7 @@ static bool find_holes(judging *j, const seam_edge *open, size_t count, hole **o
 static void print_holes(const judging *j, const hole *holes, char *text, size_t size)
 {
     enum { MOST_TOLD = 4 };
-    const double *m = j->place->index_to_world;
+    const double *m = j->in->index_to_world;
     size_t at = 0;
     for (size_t k = 0; k < j->holes && k < MOST_TOLD && at < size; k++) {
         const bbox b = holes[k].box;
@@ -207,9 +207,9 @@ static bool join_triangles(judging *j, error *e)
     const mesh_edges *edges = j->edges;
     if (edges->open || edges->odd) return not_closed(j, e);
     if (edges->branching || edges->against) return join_at_edges(j, e);
-    threads_run(j->place->pool, j->m->vertex_count, CHUNK, join_chunk, j);
-    threads_run(j->place->pool, j->m->triangle_count, CHUNK, flatten_chunk, j);
-    return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    threads_run(j->in->pool, j->m->vertex_count, CHUNK, join_chunk, j);
+    threads_run(j->in->pool, j->m->triangle_count, CHUNK, flatten_chunk, j);
+    return !threads_stopped(j->in->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* ---- components */
@@ -269,8 +269,8 @@ static bool number_components(judging *j, error *e)
     for (uint32_t n = 0, found = 0; found < j->component_count; n++)
         if (j->turned.parent[n] == n)
             j->components[found++] = (component){.root = n, .one_sided = j->turned.conflict[n]};
-    threads_run(j->place->pool, count, CHUNK, number_chunk, j);
-    return !threads_stopped(j->place->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    threads_run(j->in->pool, count, CHUNK, number_chunk, j);
+    return !threads_stopped(j->in->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* Sorts the triangles by component. `rank`: the position of each component. */
@@ -349,14 +349,14 @@ static bool measure_components(judging *j, error *e)
         component *c = &j->components[k];
         const size_t count = (c->size + PART - 1) / PART;
         c->box = bbox_empty();
-        threads_run(j->place->pool, count, 1, measure_part, &(measuring){j->m, c, parts});
+        threads_run(j->in->pool, count, 1, measure_part, &(measuring){j->m, c, parts});
         for (size_t i = 0; i < count; i++) {
             c->volume += parts[i].volume;
             c->box = bbox_unite(c->box, parts[i].box);
         }
     }
     free(parts);
-    if (parts && threads_stopped(j->place->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (parts && threads_stopped(j->in->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return parts;
 }
 
@@ -488,8 +488,8 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
 static bool settle(judging *j, mesh_solids *out, error *e)
 {
     uint32_t solids = 0;
-    j->edges = mesh_edges_close_seams(j->m, j->place->edges, j->place->tolerance, j->place->pool, &j->own,
-                                      j->notes, e);
+    j->edges =
+        mesh_edges_close_seams(j->m, j->in->edges, j->in->tolerance, j->in->pool, &j->own, j->notes, e);
     if (!j->edges || !orientation_init(&j->turned, j->m->triangle_count, e) || !join_triangles(j, e) ||
         !number_components(j, e))
         return false;
@@ -508,9 +508,9 @@ static bool settle(judging *j, mesh_solids *out, error *e)
     return ok && measure_components(j, e) && nest(j, &solids, e) && gather_solids(j, solids, out, e);
 }
 
-bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e)
+bool mesh_repair_solids(mesh *m, const mesh_repair_input *in, mesh_solids *out, mesh_notes *notes, error *e)
 {
-    judging j = {.m = m, .place = place, .notes = notes};
+    judging j = {.m = m, .in = in, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
     mesh_edges_free(&j.own);

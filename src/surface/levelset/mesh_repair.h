@@ -27,19 +27,19 @@ typedef struct mesh_solids {
 } mesh_solids;
 
 /* Coordinates and edges of the mesh. */
-typedef struct mesh_place {
+typedef struct mesh_repair_input {
     double tolerance; /* distance, in voxels, within which a vertex counts as lying on an open edge */
     const double *index_to_world; /* from voxels to world units, for messages; 16 entries */
     const mesh_edges *edges;      /* the edges of the mesh; NULL: not computed yet */
     threads *pool;                /* or NULL; the result does not depend on it */
-} mesh_place;
+} mesh_repair_input;
 
 /* Splits triangles at open edges (see geometry/mesh/seams.h), orients them and sorts them by solid. Before
  * the call, equal vertices must have been joined (mesh_weld), and the coordinates must be in voxels and in
  * the range of winding_fix. Adds notes on what was repaired. *out is unchanged on failure. Errors:
  * input_unsupported (the mesh is not closed; with the numbers of boundary edges and holes, and the boxes of
  * the largest holes), limit_memory, cancelled. */
-bool mesh_repair_solids(mesh *m, const mesh_place *place, mesh_solids *out, mesh_notes *notes, error *e);
+bool mesh_repair_solids(mesh *m, const mesh_repair_input *in, mesh_solids *out, mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);
 
 #endif

@@ -10,6 +10,7 @@
 #include "geometry/space/smooth_triangle.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "surface/triangles/triangle_tree.h"
+#include "surface/triangles/mesh_place.h"
 #include "surface/triangles/mesh_refinement.h"
 #include "geometry/space/triangle.h"
 
@@ -903,6 +904,19 @@ vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)
     if (!triangle_forest_find_accepted(s->trees, x, touching * s->base.extent, NULL, NULL, &place))
         triangle_forest_find_accepted(s->trees, x, INFINITY, NULL, NULL, &place);
     return place;
+}
+
+size_t mesh_surface_places(const mesh_surface *s, vec3 x, mesh_surface_place out[MESH_SURFACE_PLACES])
+{
+    mesh_place_in found[MESH_SURFACE_PLACES];
+    const size_t count = mesh_place_find_each(s->trees, x, INFINITY, MESH_SURFACE_PLACES, found);
+    for (size_t k = 0; k < count; k++) {
+        const mesh_place *p = &found[k].place;
+        const uint32_t n = (uint32_t)s->patch[found[k].tree].first + p->triangle;
+        const closest_point at = closest_point_on(s, n, p->weight, x);
+        out[k] = (mesh_surface_place){(uint32_t)found[k].tree, n, at.normal, p->distance};
+    }
+    return count;
 }
 
 size_t mesh_surface_bytes(const mesh_surface *s)

@@ -32,6 +32,18 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s);
 size_t mesh_surface_triangles(const mesh_surface *s);
 /* The closest place of all triangles. */
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x);
+/* A place of a patch. */
+typedef struct mesh_surface_place {
+    uint32_t patch, triangle; /* triangle: of mesh_surface_patches; the hint of the patch's field there */
+    vec3 normal;              /* of the patch's field, unit */
+    double distance;          /* of the point from the place */
+} mesh_surface_place;
+
+enum { MESH_SURFACE_PLACES = 8 }; /* patches that are told apart at one place; at corners there may be more */
+
+/* The patches on which x lies, or its nearest place does, ascending (mesh_place.h), at most
+ * MESH_SURFACE_PLACES. Returns their number, at least 1; 0 if x is not finite. */
+size_t mesh_surface_places(const mesh_surface *s, vec3 x, mesh_surface_place out[MESH_SURFACE_PLACES]);
 size_t mesh_surface_bytes(const mesh_surface *s);
 
 #endif

@@ -218,6 +218,31 @@ line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint3
     return out;
 }
 
+static void visit_tree(const triangle_tree *n, size_t number, vec3 p, double distance2,
+                       triangle_tree_visitor *visit, void *context)
+{
+    const box_tree *tree = tree_of(n);
+    const double beyond = nextafter(distance2, INFINITY);
+    box_tree_walk w;
+    box_tree_begin_near(tree, &w, p);
+    while (box_tree_next_near(tree, &w, p, beyond))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
+            if (triangle_distance2(&t, p) <= distance2) visit(context, number, tree->order[k], &t);
+        }
+}
+
+void triangle_tree_visit_near(const triangle_tree *n, vec3 p, double distance2, triangle_tree_visitor *visit,
+                              void *context)
+{
+    visit_tree(n, 0, p, distance2, visit, context);
+}
+
+bbox triangle_tree_box(const triangle_tree *n)
+{
+    return n->box;
+}
+
 size_t triangle_tree_bytes(const triangle_tree *n)
 {
     return box_tree_bytes(n->mesh->triangle_count);
@@ -338,6 +363,24 @@ void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, siz
         search_forest(n, p, (forest_result){triangle_distance2(&t, p), *tree, *nearest});
     *tree = found.tree;
     *nearest = found.triangle;
+}
+
+void triangle_forest_visit_near(const triangle_forest *n, vec3 p, double distance2,
+                                triangle_tree_visitor *visit, void *context)
+{
+    box_tree_walk w;
+    box_tree_begin_near(&n->boxes, &w, p);
+    while (box_tree_next_near(&n->boxes, &w, p, nextafter(distance2, INFINITY)))
+        for (size_t k = w.first; k < w.end; k++) {
+            const size_t tree = n->boxes.order[k];
+            if (box_tree_distance2(&n->tree[tree]->box, p) <= distance2)
+                visit_tree(n->tree[tree], tree, p, distance2, visit, context);
+        }
+}
+
+bbox triangle_forest_box(const triangle_forest *n)
+{
+    return n->boxes.box[0];
 }
 
 size_t triangle_forest_bytes(const triangle_forest *n)

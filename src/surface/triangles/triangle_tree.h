@@ -31,6 +31,16 @@ size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, dou
  * False: there is none. */
 bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2, size_t *nearest);
 
+/* A call for the triangle `n` of tree `tree`, with the corners *t. */
+typedef void triangle_tree_visitor(void *context, size_t tree, size_t n, const triangle *t);
+
+/* Visits all triangles whose squared distance from p is at most `distance2`, in any order; `tree` is 0. */
+void triangle_tree_visit_near(const triangle_tree *n, vec3 p, double distance2, triangle_tree_visitor *visit,
+                              void *context);
+
+/* The box of all triangles. */
+bbox triangle_tree_box(const triangle_tree *n);
+
 /* Whether a triangle with the corners *t is accepted by a search. `n`: its number in its own tree. */
 typedef bool triangle_tree_accept(const void *context, size_t n, const triangle *t);
 
@@ -72,6 +82,13 @@ line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d);
 /* triangle_forest_find if the closest triangle of one tree is known: replaces *tree and *nearest if another
  * tree has a closer triangle, or is earlier at the same distance. */
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest);
+
+/* triangle_tree_visit_near over all trees. */
+void triangle_forest_visit_near(const triangle_forest *n, vec3 p, double distance2,
+                                triangle_tree_visitor *visit, void *context);
+
+/* The box of all trees. */
+bbox triangle_forest_box(const triangle_forest *n);
 
 size_t triangle_forest_bytes(const triangle_forest *n);
 
