@@ -503,13 +503,15 @@ static void scale_of_nifti(answer *a, const nifti_image *n)
     }
 }
 
-/* The start of a file: its header, and the fields vox_offset and pixdim before the library changes them. */
+/* The start of a file: its header, and fields before the library replaces those that are not valid. */
 typedef struct nifti_head {
     const char *bytes;
     size_t length;       /* number of unpacked bytes in `bytes` */
     size_t header_bytes; /* length of the header, without the four bytes of the extender */
     double vox_offset;
     double pixdim[3]; /* sizes of a voxel */
+    double qfac, quatern[3], qoffset[3];
+    int qform_code, sform_code;
     bool swapped, packed;
 } nifti_head;
 
@@ -523,9 +525,18 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
         h.swapped = NIFTI2_NEEDS_SWAP(second);
         if (h.swapped) {
             nifti_swap_8bytes(1, &offset);
-            nifti_swap_8bytes(3, second.pixdim + 1);
+            nifti_swap_8bytes(4, second.pixdim);
+            nifti_swap_8bytes(6, &second.quatern_b);
+            nifti_swap_4bytes(2, &second.qform_code);
         }
-        for (int k = 0; k < 3; k++) h.pixdim[k] = second.pixdim[k + 1];
+        h.qfac = second.pixdim[0];
+        h.qform_code = second.qform_code;
+        h.sform_code = second.sform_code;
+        for (int k = 0; k < 3; k++) {
+            h.pixdim[k] = second.pixdim[k + 1];
+            h.quatern[k] = (&second.quatern_b)[k];
+            h.qoffset[k] = (&second.qoffset_x)[k];
+        }
         h.header_bytes = sizeof second;
         h.vox_offset = (double)offset;
     } else {
@@ -535,9 +546,18 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
         h.swapped = NIFTI_NEEDS_SWAP(first);
         if (h.swapped) {
             nifti_swap_4bytes(1, &offset);
-            nifti_swap_4bytes(3, first.pixdim + 1);
+            nifti_swap_4bytes(4, first.pixdim);
+            nifti_swap_4bytes(6, &first.quatern_b);
+            nifti_swap_2bytes(2, &first.qform_code);
         }
-        for (int k = 0; k < 3; k++) h.pixdim[k] = (double)first.pixdim[k + 1];
+        h.qfac = (double)first.pixdim[0];
+        h.qform_code = first.qform_code;
+        h.sform_code = first.sform_code;
+        for (int k = 0; k < 3; k++) {
+            h.pixdim[k] = (double)first.pixdim[k + 1];
+            h.quatern[k] = (double)(&first.quatern_b)[k];
+            h.qoffset[k] = (double)(&first.qoffset_x)[k];
+        }
         h.header_bytes = sizeof first;
         h.vox_offset = (double)offset;
     }
@@ -584,15 +604,39 @@ static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_byt
     return h->vox_offset != 0 || find_after_extensions(a, h, data_bytes, &a->head.byte_skip);
 }
 
+/* Rounding of the squares of a quaternion that was stored as floats. */
+static const double quaternion_rounding = 1e-5;
+
+static bool check_qform(answer *a, const nifti_head *h)
+{
+    const double *q = h->quatern, *at = h->qoffset;
+    if (!(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] <= 1 + quaternion_rounding))
+        return refuse(
+            a, ERROR_INPUT_DAMAGED,
+            "its quatern_b, quatern_c and quatern_d are (%g, %g, %g), which is not a rotation: correct the header",
+            q[0], q[1], q[2]);
+    return (isfinite(at[0]) && isfinite(at[1]) && isfinite(at[2])) ||
+           refuse(a, ERROR_INPUT_DAMAGED,
+                  "its qoffset_x, qoffset_y and qoffset_z are (%g, %g, %g): correct the header", at[0], at[1],
+                  at[2]);
+}
+
 static bool describe_nifti(answer *a, const nifti_image *n, const char *name, const nifti_head *h)
 {
     const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
     a->head.volumes = 1;
+    if (h->qform_code < 0 || h->sform_code < 0)
+        dense_warn(
+            &a->head.warnings,
+            "qform_code is %d and sform_code is %d: a negative code counts as 0, so that its transform is not used. "
+            "Correct the header.",
+            h->qform_code, h->sform_code);
     for (int k = 3; k < 7; k++)
         if (size[k] > 1 && __builtin_mul_overflow(a->head.volumes, size[k], &a->head.volumes))
             return refuse(a, ERROR_INPUT_DAMAGED, "claims more volumes than can be counted");
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
-    if (!type_of_nifti(a, n->datatype)) return false;
+    if (!type_of_nifti(a, n->datatype) || (n->sform_code <= 0 && n->qform_code > 0 && !check_qform(a, h)))
+        return false;
     place_of_nifti(a, n, h->pixdim);
     scale_of_nifti(a, n);
     a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();

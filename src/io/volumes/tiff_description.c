@@ -77,8 +77,8 @@ enum {
 static const char *const keys[KEYS] = {"images",  "slices",  "channels", "frames", "spacing", "xorigin",
                                        "yorigin", "zorigin", "unit",     "yunit",  "zunit"};
 
-/* The values of the keys; "": absent. */
 typedef struct imagej {
+    bool is_there[KEYS];
     char value[KEYS][2 * TIFF_UNIT_SIZE];
 } imagej;
 
@@ -91,12 +91,13 @@ static bool read_line(imagej *to, const char *line, char *fault)
         char value[2 * TIFF_UNIT_SIZE];
         if (strlen(keys[k]) != name || strncmp(line, keys[k], name) != 0) continue;
         snprintf(value, sizeof value, "%.*s", (int)(length - name - 1), line + name + 1);
-        if (*to->value[k] && strcmp(to->value[k], value) != 0)
+        if (to->is_there[k] && strcmp(to->value[k], value) != 0)
             return snprintf(
                        fault, TIFF_FAULT_SIZE,
                        "ImageJ's description has %s twice, as \"%.40s\" and as \"%.40s\": remove one of them",
                        keys[k], to->value[k], value) < 0;
         strcpy(to->value[k], value);
+        to->is_there[k] = true;
     }
     return true;
 }
@@ -106,7 +107,7 @@ static bool read_numbers(const imagej *from, double number[NUMBERS], char *fault
 {
     for (size_t k = 0; k < NUMBERS; k++) {
         char *end;
-        if (!*from->value[k]) continue;
+        if (!from->is_there[k]) continue;
         number[k] = strtod(from->value[k], &end);
         if (end == from->value[k] || end[strspn(end, " \t")] || !isfinite(number[k]))
             return snprintf(
