@@ -198,7 +198,7 @@ export class Client {
     if (!/^https?:\/\/[^/]/.test(server ?? ""))
       throw new TypeError(`${server}: a server is http://HOST:PORT or https://HOST:PORT`);
     this.server = server.replace(/\/+$/, "");
-    this.token = token;
+    this.token = token?.trim();
     this.timeout = timeout;
     this.patience = patience;
     this.exchange = overFetch(this.server);

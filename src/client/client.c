@@ -65,7 +65,12 @@ client *client_open(const char *server, const char *token, const char *authoriti
     if (unix_path) curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, unix_path);
     if (token) {
         curl_easy_setopt(c->curl, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
-        curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, token);
+        static const char around[] = " \t\r\n";
+        char *bare = mem_strdup(token + strspn(token, around));
+        for (size_t length = strlen(bare); length && strchr(around, bare[length - 1]); length--)
+            bare[length - 1] = '\0';
+        curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, bare);
+        free(bare);
     }
     if (authorities) curl_easy_setopt(c->curl, CURLOPT_CAINFO, authorities);
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);

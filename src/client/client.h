@@ -20,6 +20,7 @@ typedef struct client_reply {
 } client_reply;
 
 /* `server` is unix:/path, http://HOST:PORT or https://HOST:PORT (of a proxy). `token` may be NULL.
+ * Blanks and line ends around it, which a shell may leave, do not belong to it.
  * `authorities` is a file of certificates (PEM) that may sign the server's certificate; NULL: the
  * certificates of the system. Error spec_invalid: `server` has another form. */
 client *client_open(const char *server, const char *token, const char *authorities, error *e);

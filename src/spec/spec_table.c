@@ -159,7 +159,8 @@ const spec_row spec_rows[] = {
      .unit = "longest sides",
      .prose = "Tolerance for joining open edges, as a fraction of the longest side of the bounding "
               "box: vertices of open edges within this distance are welded, or snapped to another "
-              "open edge. 0: only vertices with equal coordinates are welded."},
+              "open edge, but at most within a tenth of the shortest edge at them. 0: only vertices "
+              "with equal coordinates are welded."},
     {.pointer = MEMBER("/surface/mesh", "holes"),
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_HOLES),

@@ -92,6 +92,16 @@ def test_hexadctl_says_that_a_token_is_missing_or_unknown(closed_service, build)
         assert done.returncode == 2 and told in done.stderr and "hexadctl token add" in done.stderr
 
 
+def test_a_line_end_behind_a_token_does_not_belong_to_it(closed_service, build):
+    for token in (closed_service.token + "\n", f" {closed_service.token}\r\n"):
+        environment = {**closed_service.environment(), "HEXAD_TOKEN": token}
+        done = subprocess.run([build / "hexadctl", "list"], env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        done = subprocess.run([sys.executable, "-c", "import hexad; list(hexad.Client().jobs())"], capture_output=True, text=True,
+                              env={**environment, "PYTHONPATH": str(pathlib.Path(__file__).parents[2] / "clients/python")}, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+
+
 def test_a_refused_user_is_sent_to_the_administrator(closed_service):
     """With the command for the administrator: only one can create a token."""
     service = closed_service

@@ -164,11 +164,13 @@ def test_every_way_of_storing_gives_the_same_bytes(sample, tmp_path):
     (tmp_path / "data" / "all.raw.gz").write_bytes(gzip.compress(b"xyz" + whole))
     for k, piece in enumerate((whole[:half], whole[half:]), 3):
         (tmp_path / "data" / f"part{k:02}.raw").write_bytes(piece)
+        (tmp_path / "data" / f"a part {k}.raw").write_bytes(piece)
     detached = {"skips": ["line skip: 2", "byte skip: 3", "data file: data/all.raw"],
                 "end": ["byte skip: -4", "datafile: data/all.raw"],
                 "packed": ["byte skip: 3", "data file: data/all.raw.gz"],
                 "packed_end": ["byte skip: -1", "data file: data/all.raw.gz"],
                 "numbered": ["data file: data/part%02d.raw 3 4 1"],
+                "with blanks": ["data file: data/a part %d.raw 3 4 1 3"],
                 "listed": ["data file: LIST", "data/part03.raw", "data/part04.raw"]}
     for name, extra in detached.items():
         packed = "gzip" if "packed" in name else "raw"
@@ -180,7 +182,7 @@ def test_every_way_of_storing_gives_the_same_bytes(sample, tmp_path):
         seen[path.name] = report["outputs"][0]["sha256"]
         if path.name == "listed.nhdr":
             assert [i["path"].split("/")[-1] for i in report["inputs"]] == ["listed.nhdr", "part03.raw", "part04.raw"]
-    assert len(seen) == 11 and len(set(seen.values())) == 1, seen
+    assert len(seen) == 12 and len(set(seen.values())) == 1, seen
 
 
 @pytest.mark.parametrize("kind, name", [
@@ -306,8 +308,17 @@ def test_values_that_are_not_finite_are_counted(sample, tmp_path):
     for surface, kind in ((stack(tmp_path, values), "exr"), (halves, "exr"), (tmp_path / "v.nrrd", "volume")):
         write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"])
         report, points = sample(surface, kind=kind)
-        assert report["surface"]["warnings"][0].startswith("3 values are not finite, the first at (2, 3, 4)")
+        assert report["surface"]["warnings"][0].startswith("3 values are not finite or beyond 1e+30, the first at (2, 3, 4)")
         assert_ellipsoid(points, near=5e-3)
+
+
+def test_values_that_mean_no_data_are_counted(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"])
+    values[1, 1, 20:22], values[2, 3, 4], values[15, 13, 17] = -3.4e38, -1e31, 3.4028235e38
+    write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"])
+    report, points = sample(tmp_path / "v.nrrd", kind="volume")
+    assert report["surface"]["warnings"][0].startswith("4 values are not finite or beyond 1e+30, the first at (2, 3, 4)")
+    assert_ellipsoid(points, near=5e-3)
 
 
 @pytest.mark.sanitized

@@ -185,12 +185,53 @@ def test_header_size_from_the_end(told, plain, tmp_path):
 
 
 @pytest.mark.parametrize("fields", [
-    {"ElementSize": "0.5 0.25 2"}, {"ElementSize": "0.5 0.25 2 7"}, {"ElementSize": "1 1 1", "ElementSpacing": "0.5 0.25 2"},
+    {"ElementSize": "0.5 0.25 2"}, {"ElementSize": "1 1 1", "ElementSpacing": "0.5 0.25 2"},
     {"ElementSpacing": "0.5 0.25 2", "ElementSize": "0.1 0.1 0.1"}, {"Modality": "MET_MOD_MR", "ElementSize": ".5 .25 2.0"}])
 def test_the_size_of_elements_is_the_spacing_where_there_is_none(told, tmp_path, fields):
     write_nrrd(tmp_path / "v.nrrd", ball(), extra=["spacings: 0.5 0.25 2"])
     write_meta_image(tmp_path / "v.mha", ball(), None, fields)
     expect_same(told(tmp_path / "v.mha"), told(tmp_path / "v.nrrd")["digest"])
+
+
+FIELDS_THAT_ARE_REFUSED = {
+    "contradicting names of the byte order": ({"BinaryDataByteOrderMSB": "False", "ElementByteOrderMSB": "True"},
+                                              "BinaryDataByteOrderMSB = False and ElementByteOrderMSB = True contradict each other"),
+    "contradicting names of the origin": ({"Origin": "0 0 1"}, "Origin = 0 0 1 contradict each other"),
+    "too many numbers": ({"ElementSize": "0.5 0.25 2 7"}, "ElementSize has more than 3 numbers (0.5 0.25 2 7)"),
+    "a decimal comma": ({"ElementSpacing": "0,5 0,25 2,0"}, "ElementSpacing has too few numbers (0,5 0,25 2,0)"),
+    "text behind a number": ({"HeaderSize": "0 bytes"}, "HeaderSize has more than 1 number (0 bytes)"),
+    "no switch": ({"CompressedData": "No"}, 'CompressedData is "No"')}
+
+
+@pytest.mark.parametrize("name", FIELDS_THAT_ARE_REFUSED)
+def test_meta_image_fields_that_are_refused(told, tmp_path, name):
+    fields, words = FIELDS_THAT_ARE_REFUSED[name]
+    write_meta_image(tmp_path / "v.mha", ball(), MATRIX, fields)
+    report = told(tmp_path / "v.mha")
+    assert report["code"] == "input_damaged" and words in report["message"], report
+
+
+def test_a_meta_image_field_that_is_there_twice(told, plain, tmp_path):
+    write_meta_image(tmp_path / "v.mha", ball(), MATRIX)
+    raw = (tmp_path / "v.mha").read_bytes()
+    line = next(line for line in raw.split(b"\n") if line.startswith(b"DimSize"))
+    (tmp_path / "v.mha").write_bytes(raw.replace(line, line + b"\n" + line, 1))
+    expect_same(told(tmp_path / "v.mha"), plain)
+    (tmp_path / "v.mha").write_bytes(raw.replace(line, line + b"\nDimSize = 2 2 2", 1))
+    report = told(tmp_path / "v.mha")
+    assert report["code"] == "input_damaged" and "contradict each other" in report["message"], report
+
+
+def test_meta_image_fields_that_may_be_misspelt_are_named(told, plain, tmp_path):
+    write_meta_image(tmp_path / "v.mha", ball(), MATRIX, {"ElementSpacng": "1 1 2", "offset": "1 2 3"})
+    report = told(tmp_path / "v.mha")
+    assert report["digest"] == plain and "ElementSpacng, offset are not known" in warnings(report)[0]
+
+
+def test_a_name_of_a_data_file_with_a_percent_sign_that_is_no_pattern(told, plain, tmp_path):
+    for name in ("50%.raw", "a%20b.raw", "%s.raw"):
+        write_meta_image(tmp_path / "v.mhd", ball(), MATRIX, data_path=tmp_path / name)
+        expect_same(told(tmp_path / "v.mhd"), plain)
 
 
 @pytest.mark.parametrize("names", [("Position", "Rotation"), ("Origin", "Orientation")])
@@ -328,6 +369,13 @@ def test_a_nifti_slope_that_is_no_number_is_none(told, plain, tmp_path):
     """nibabel writes it so."""
     nifti(tmp_path / "v.nii", fields={"scl_slope": numpy.nan, "scl_inter": numpy.nan})
     expect_same(told(tmp_path / "v.nii"), plain)
+
+
+@pytest.mark.parametrize("version, endian", [(1, "<"), (1, ">"), (2, "<"), (2, ">")])
+def test_sizes_of_voxels_that_the_library_replaces(told, tmp_path, version, endian):
+    for size in (0, numpy.nan, numpy.inf):
+        write_nifti(tmp_path / "v.nii", ball(), voxel=(0.25, 0.5, size), version=version, endian=endian)
+        expect_warning(told(tmp_path / "v.nii"), f"pixdim 3 is {size:g}", "1 is used")
 
 
 def test_sizes_of_voxels_that_are_none(told, tmp_path):

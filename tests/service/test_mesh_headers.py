@@ -3,6 +3,7 @@
 corners have points. Files of formats that are not read are named with a converter."""
 import base64
 import json
+import struct
 import zipfile
 
 import numpy
@@ -111,6 +112,77 @@ def test_what_a_gltf_has_beside_its_places_is_warned_of(look, tmp_path, r):
         assert word in notes, notes
 
 
+def test_a_node_does_not_move_a_mesh_with_a_skin(look, worker, tmp_path, r):
+    """Its joints do (glTF 2.0, 3.7.3.1); also where the library reads the values of its vertices."""
+    corners = write.box(r)
+    g = write.Gltf(skins=[{"joints": [1]}])
+    mesh = g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))
+    g.document["nodes"] = [{"mesh": mesh, "skin": 0, "translation": [100, 0, 0], "scale": [3, 3, 3]}, {"name": "joint"}]
+    g.write(tmp_path / "box.glb")
+    found = look(tmp_path / "box.glb")
+    assert_box(found, corners.astype("f4").astype(float))
+    assert "1 meshes have a skin" in " ".join(found["notes"])
+
+
+def test_nodes_that_are_not_visible_are_skipped_with_those_below(look, worker, tmp_path, r):
+    corners = write.box(r)
+    g = write.Gltf(extensionsUsed=["KHR_node_visibility"], extensionsRequired=["KHR_node_visibility"], scenes=[{"nodes": [0, 1]}])
+    mesh = g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}}
+    shown = {"extensions": {"KHR_node_visibility": {"visible": True}}}
+    g.document["nodes"] = [{"mesh": mesh, **shown}, {"mesh": mesh, "translation": [100, 0, 0], "children": [2], **hidden},
+                           {"mesh": mesh, "translation": [100, 0, 0], **shown}]
+    g.write(tmp_path / "box.glb")
+    found = look(tmp_path / "box.glb")
+    assert_box(found, corners.astype("f4").astype(float))
+    assert "1 nodes are not visible" in " ".join(found["notes"])
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.glb")}}, "sampling": {"count": 30},
+                   "attributes": [{"name": "material"}], "output": {"preview": False}})
+    error = json.loads(done.stderr.splitlines()[-1])
+    assert error["code"] == "input_unsupported" and "KHR_node_visibility" in error["message"], error
+
+
+@pytest.mark.parametrize("extension", ["CESIUM_RTC", "VENDOR_shape", "MSFT_lod"])
+def test_an_extension_that_a_gltf_uses_and_that_is_not_known_is_named(look, tmp_path, r, extension):
+    g = write.Gltf(extensionsUsed=["KHR_materials_unlit", extension])
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(write.box(r), "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
+    g.write(tmp_path / "box.glb")
+    notes = look(tmp_path / "box.glb")["notes"]
+    assert len(notes) == 1 and f"the glTF extension {extension} is not read" in notes[0], notes
+
+
+@pytest.mark.parametrize("components", [3, 4])
+def test_colours_of_a_gltf_are_linear(worker, tmp_path, r, components):
+    """0.2158605 in linear light is 0.5 in sRGB (IEC 61966-2-1); three components are opaque."""
+    g = write.Gltf()
+    position, indices = g.accessor(write.box(r), "<f4"), g.accessor(write.FACES.ravel(), "<u2")
+    colour = g.add({"bufferView": g.view(numpy.tile(numpy.array([0.21586050, 0, 1, 0.25][:components], "<f4"), (8, 1)).tobytes()),
+                    "componentType": 5126, "count": 8, "type": f"VEC{components}"})
+    mesh = g.mesh(position, indices)
+    g.document["meshes"][mesh]["primitives"][0]["attributes"]["COLOR_0"] = colour
+    g.document["nodes"] = [{"mesh": mesh}]
+    g.write(tmp_path / "box.glb")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.glb")}}, "sampling": {"count": 30}, "solver": {"max_sweeps": 1},
+                   "attributes": [{"name": "color"}], "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    points = read_columns((tmp_path / "out/points.ply").read_bytes())
+    expected = (0.5, 0, 1, 0.25 if components == 4 else 1)
+    for axis, value in zip("rgba", expected):
+        assert numpy.allclose(points[f"color_{axis}"], value, atol=0.6 / 255), axis
+
+
+def test_base64_data_may_be_percent_encoded(look, tmp_path, r):
+    corners = write.box(r)
+    g = write.Gltf()
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
+    g.write(tmp_path / "box.gltf")
+    document = json.loads((tmp_path / "box.gltf").read_text())
+    head, data = document["buffers"][0]["uri"].split(",")
+    document["buffers"][0]["uri"] = head + "," + "".join(f"%{ord(c):02x}" if k % 3 == 0 or c in "+/=" else c for k, c in enumerate(data))
+    (tmp_path / "box.gltf").write_text(json.dumps(document))
+    assert_box(look(tmp_path / "box.gltf"), corners.astype("f4").astype(float))
+
+
 @pytest.mark.parametrize("uri", ["box.bin", "data.bin", "a%20b.bin", "buffers/x.dat", "Box_0.buffer"])
 def test_a_separate_file_of_a_gltf_is_reported_as_missing(look, tmp_path, r, uri):
     g = write.Gltf()
@@ -126,7 +198,8 @@ def test_a_separate_file_of_a_gltf_is_reported_as_missing(look, tmp_path, r, uri
     (lambda d: d["accessors"][0].update(type="VEC4"), "accessor 0"), (lambda d: d["bufferViews"][0].update(byteLength=10 ** 9), "accessor 0"),
     (lambda d: d["bufferViews"][0].update(byteOffset=-4), "accessor 0"), (lambda d: d["accessors"][0].update(componentType=7), "accessor 0"),
     (lambda d: d["nodes"][0].update(children=[0]), "not a tree"), (lambda d: d["nodes"][0].update(mesh=5), "a mesh that is missing"),
-    (lambda d: d["nodes"][0].update(matrix=[1, 2]), "transform"), (lambda d: d["asset"].update(minVersion="2.1"), "2.1")])
+    (lambda d: d["nodes"][0].update(matrix=[1, 2]), "transform"),
+    (lambda d: d["nodes"][0].update(matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], scale=[2, 2, 2]), "a matrix beside"), (lambda d: d["asset"].update(minVersion="2.1"), "2.1")])
 def test_a_damaged_gltf_is_refused_with_the_place(look, tmp_path, damage, words):
     g, corners = write.Gltf(), write.box(numpy.random.default_rng(2))
     g.document["nodes"] = [{"mesh": g.mesh(g.accessor(corners, "<f4"), g.accessor(write.FACES.ravel(), "<u2"))}]
@@ -333,6 +406,24 @@ def test_an_obj_has_comments_and_longer_lines_anywhere(look, tmp_path, r, how):
     assert found["notes"] == []
 
 
+@pytest.mark.parametrize("before", ["mtllib C:\\models\\", "o box\\", "g a b\\", "usemtl grey \\  ", "# a comment \\"])
+def test_a_name_of_an_obj_that_ends_in_a_backslash_continues_no_line(look, tmp_path, r, before):
+    corners = write.box(r)
+    write.obj(tmp_path / "box.obj", corners, before=before)
+    found = look(tmp_path / "box.obj")
+    assert_box(found, corners)
+    assert found["notes"] == []
+
+
+@pytest.mark.parametrize("mark", ["\\ \n", "\\\t \n", "\\ \r\n"], ids=repr)
+def test_blanks_may_follow_the_mark_that_continues_a_line(look, tmp_path, r, mark):
+    corners = write.box(r)
+    write.obj(tmp_path / "box.obj", corners)
+    text = (tmp_path / "box.obj").read_text().replace("v ", "v " + mark).replace("f ", "f " + mark)
+    (tmp_path / "box.obj").write_bytes(text.encode())
+    assert_box(look(tmp_path / "box.obj"), corners)
+
+
 def test_what_an_obj_has_beside_polygons_is_warned_of(look, tmp_path, r):
     corners = write.box(r)
     write.obj(tmp_path / "box.obj", 2 * corners, vertex="{} 2", before="vp 0 1\nmystery 7", after="cstype bspline\ndeg 3\ncurv 0 1 1 2 3 4\n"
@@ -395,6 +486,52 @@ def test_an_stl_is_its_triangles_whatever_its_header_has(look, tmp_path, r, how)
     corners = write.box(r)
     write.stl(tmp_path / "box.stl", corners, **how)
     assert_box(look(tmp_path / "box.stl"), corners)
+
+
+def stl_rows(corners, more=b""):
+    return b"".join(struct.pack("<12fH", 0, 0, 0, *corners[f].ravel(), len(more)) + more for f in write.FACES)
+
+
+@pytest.mark.parametrize("more", [b"abc", b"\0" * 7], ids=["text", "zeros"])
+def test_attribute_bytes_of_an_stl_are_passed_over(look, tmp_path, r, more):
+    corners = write.box(r).astype("f4").astype(float)
+    (tmp_path / "box.stl").write_bytes(bytes(80) + struct.pack("<I", 12) + stl_rows(corners, more))
+    found = look(tmp_path / "box.stl")
+    assert_box(found, corners)
+    assert found["notes"] == []
+
+
+def test_an_stl_whose_number_of_triangles_is_0_is_read_by_its_length(look, tmp_path, r):
+    corners = write.box(r).astype("f4").astype(float)
+    (tmp_path / "box.stl").write_bytes(bytes(80) + struct.pack("<I", 0) + stl_rows(corners))
+    found = look(tmp_path / "box.stl")
+    assert_box(found, corners)
+    assert "its number of triangles is 0" in found["notes"][0]
+
+
+# ---- PLY headers
+
+PLY_HEADERS = {"faces first": ("element vertex", None, "has its element \"face\" before its element \"vertex\""),
+               "a count with text": ("element vertex 8", "element vertex 8x", "line 3 of the header"),
+               "two numbers": ("element face 12", "element face 12 7", "line 7 of the header"),
+               "an axis twice": ("property double z", "property double y", "line 6 of the header"),
+               "a format twice": ("element vertex 8", "format ascii 1.0\nelement vertex 8", "line 3 of the header")}
+
+
+@pytest.mark.parametrize("name", PLY_HEADERS)
+def test_a_ply_header_that_contradicts_itself_is_refused_with_its_line(look, tmp_path, r, name):
+    old, new, words = PLY_HEADERS[name]
+    write.ply(tmp_path / "box.ply", write.box(r), layout="ascii")
+    text = (tmp_path / "box.ply").read_text()
+    if new:
+        text = text.replace(old, new)
+    else:
+        head, rows = text.split("end_header\n")
+        lines, data = head.splitlines(), rows.splitlines()
+        text = "\n".join([*lines[:2], *lines[6:], *lines[2:6], "end_header", *data[8:], *data[:8]]) + "\n"
+    (tmp_path / "box.ply").write_text(text)
+    error = look(tmp_path / "box.ply")
+    assert error["code"].startswith("input_") and words in error["message"], error
 
 
 # ---- OFF

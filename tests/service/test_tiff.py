@@ -119,6 +119,41 @@ def test_sizes_of_imagej(told, plain, tmp_path):
         assert 'unit of length is "um"' in warnings(told(tmp_path / "v.tif"))[0]
 
 
+def test_units_of_each_axis_of_imagej(told, plain, tmp_path):
+    pages = pages_of(ball("u2"))
+    write_tiff(tmp_path / "v.tif", pages, description=IMAGEJ.replace("spacing=0.75", "spacing=750\nzunit=nm"), resolution=(2, 4))
+    expect_same(told(tmp_path / "v.tif"), plain(), 'unit of length is "um"')
+    write_tiff(tmp_path / "v.tif", pages, description=IMAGEJ + "yunit=mm\nzunit=um\n", resolution=(2, 4000))
+    expect_same(told(tmp_path / "v.tif"), plain(), 'unit of length is "um"')
+
+
+LINES_OF_IMAGEJ = {"comma": ("spacing=0.75", "spacing=0,75", "spacing=0,75, which is not a number"),
+                   "word": ("slices=14", "slices=14 (z)", "slices=14 (z), which is not a number"),
+                   "fraction": ("slices=14", "slices=14.5", "slices=14.5, which is not a number of pages"),
+                   "not finite": ("spacing=0.75", "spacing=NaN", "spacing=NaN"),
+                   "twice": ("spacing=0.75", "spacing=0.75\nspacing=0.5", 'spacing twice, as "0.75" and as "0.5"'),
+                   "units": ("unit=micron", "unit=micron\nzunit=frames", 'zunit "frames" beside unit "micron"')}
+
+
+@pytest.mark.parametrize("line", LINES_OF_IMAGEJ)
+def test_lines_of_imagej_that_are_refused(told, tmp_path, line):
+    old, new, words = LINES_OF_IMAGEJ[line]
+    write_tiff(tmp_path / "v.tif", pages_of(ball("u2")), description=IMAGEJ.replace(old, new), resolution=(2, 4))
+    report = told(tmp_path / "v.tif")
+    assert report["code"] == "input_unsupported" and words in report["message"], report
+
+
+def test_slices_that_are_saved_as_channels_or_times(told, plain, tmp_path):
+    for axis, others in (("channels", "frames"), ("frames", "channels")):
+        text = IMAGEJ.replace("slices=14", f"{axis}=14\nslices=1\n{others}=1").replace("micron", "mm")
+        write_tiff(tmp_path / "v.tif", pages_of(ball("u2")), description=text, resolution=(2, 4))
+        expect_same(told(tmp_path / "v.tif"), plain(), f"14 {axis} of one slice each")
+    text = ome('DimensionOrder="XYCZT" SizeZ="1" SizeC="14" SizeT="1" PhysicalSizeX="0.5" PhysicalSizeY="0.25" PhysicalSizeZ="0.75" '
+               'PhysicalSizeXUnit="mm" PhysicalSizeYUnit="mm" PhysicalSizeZUnit="mm"')
+    write_tiff(tmp_path / "v.ome.tif", pages_of(ball("u2")), description=text)
+    expect_same(told(tmp_path / "v.ome.tif"), plain(), "14 channels of one slice each")
+
+
 def test_an_origin_and_one_directory_of_imagej(told, plain, tmp_path):
     text = IMAGEJ.replace("micron", "mm") + "xorigin=4\nyorigin=2\nzorigin=8\n"
     matrix = numpy.diag([*VOXEL, 1.0])
@@ -166,6 +201,7 @@ FAULTS_OF_OME = {
     "order": (ome('DimensionOrder="XYZZT" SizeZ="14" SizeC="1" SizeT="1"'), "invalid DimensionOrder"),
     "size": (ome('DimensionOrder="XYZCT" SizeZ="-14" SizeC="1" SizeT="1"'), 'SizeZ "-14"'),
     "planes": (ome('DimensionOrder="XYZCT" SizeZ="14" SizeC="1" SizeT="1"', '<TiffData IFD="0" FirstZ="13"/>'), "another order"),
+    "plane": (ome('DimensionOrder="XYZCT" SizeZ="14" SizeC="1" SizeT="1"', '<TiffData IFD="0 " FirstZ="0,5"/>'), "another order"),
     "xml": ("<?xml version='1.0'?><OME><Image>", "not valid XML (line 1"),
     "entities": ('<?xml version="1.0"?><!DOCTYPE OME [<!ENTITY a "b">]><OME>&a;</OME>', "document type")}
 
@@ -176,6 +212,14 @@ def test_ome_xml_that_is_refused(told, tmp_path, fault):
     write_tiff(tmp_path / "v.ome.tif", pages_of(ball("u1")), description=text)
     report = told(tmp_path / "v.ome.tif")
     assert report["code"] == "input_unsupported" and words in report["message"], report
+
+
+def test_a_size_of_ome_xml_that_is_no_number(told, plain, tmp_path):
+    text = ome('DimensionOrder="XYZCT" SizeZ="14" SizeC="1" SizeT="1" PhysicalSizeX="0.5" PhysicalSizeY="0.25" PhysicalSizeZ="0,75" '
+               'PhysicalSizeXUnit="mm" PhysicalSizeYUnit="mm" PhysicalSizeZUnit="mm"')
+    write_tiff(tmp_path / "v.ome.tif", pages_of(ball("u2")), description=text)
+    expect_same(told(tmp_path / "v.ome.tif"), plain(numpy.diag([0.5, 0.25, 0.5, 1])), 'PhysicalSizeZ of its OME-XML is "0,75"',
+                "distance of its slices")
 
 
 def test_a_file_without_sizes(told, plain, tmp_path):
@@ -205,6 +249,40 @@ def test_tags_that_are_not_used(told, plain, tmp_path):
     struct.pack_into("<I", whole, at, len(first) + directory)
     (tmp_path / "v.tif").write_bytes(whole)
     expect_same(told(tmp_path / "v.tif", voxel_size=VOXEL), plain(), "1 pages of reduced resolution")
+
+
+PAGES_THAT_DIFFER = {"Orientation": (274, 3, "page 5 has the Orientation 3, and page 0 has 1"),
+                     "WhiteIsZero": (262, 0, "PhotometricInterpretation of page 5 is WhiteIsZero"),
+                     "SampleFormat": (339, 2, "page 5 has 15 x 13 pixels of 16 bits (signed integers)")}
+
+
+@pytest.mark.parametrize("tag", PAGES_THAT_DIFFER)
+def test_a_page_whose_numbers_mean_something_else_is_refused(told, tmp_path, tag):
+    number, value, words = PAGES_THAT_DIFFER[tag]
+    pages = pages_of(ball("u2"))
+    write_tiff(tmp_path / "v.tif", pages, page_tags={5: {number: value}})
+    report = told(tmp_path / "v.tif")
+    assert report["code"] == "input_unsupported" and words in report["message"], report
+    for k, page in enumerate(pages):
+        write_tiff(tmp_path / f"s.{k:03}.tif", [page], tags={number: value} if k == 5 else None)
+    report = told(tmp_path / "s.###.tif", slices="0-13", voxel_size=VOXEL)
+    assert report["code"] == "input_unsupported" and "s.005.tif" in report["message"], report
+
+
+def test_a_page_of_another_resolution(told, plain, tmp_path):
+    pages = pages_of(ball("u2"))
+    write_tiff(tmp_path / "v.tif", pages, resolution=(2, 4), page_tags={7: {296: 3}})
+    expect_same(told(tmp_path / "v.tif", voxel_size=VOXEL), plain(), "page 7 has another resolution or position")
+    for k, page in enumerate(pages):
+        write_tiff(tmp_path / f"s.{k:03}.tif", [page], resolution=(4, 4) if k > 6 else (2, 4))
+    expect_same(told(tmp_path / "s.###.tif", slices="0-13", voxel_size=VOXEL), plain(), "s.007.tif has another size of pixels")
+
+
+def test_a_tag_that_is_there_twice_is_refused(told, tmp_path):
+    for tag, value in ((256, 15), (257, 12), (339, 2), (274, 3), (296, 3)):
+        write_tiff(tmp_path / "v.tif", pages_of(ball("u2")), resolution=(2, 4), tags={274: 1}, twice=[(tag, value)])
+        report = told(tmp_path / "v.tif")
+        assert report["code"] == "input_damaged" and f"page 0 has the tag {tag} twice" in report["message"], report
 
 
 # ---- labels, attributes, inspection

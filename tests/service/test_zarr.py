@@ -247,6 +247,8 @@ REFUSED = {
     "large chunks": (fault_2(chunks=[100000, 100000, 1]), "input_unsupported", "a chunk has 10000000000 numbers"),
     "no chunks": (fault_2(chunks=[4, 0, 6]), "input_damaged", "a side of 0"),
     "fill": (fault_2(fill_value="0x7fc00000"), "input_unsupported", 'fill_value "0x7fc00000"'),
+    "fill of another type": (fault_2(fill_value=2.5), "input_damaged", "fill_value 2.5 is not a number of the array's type"),
+    "negative fill": (fault_3(fill_value=-1), "input_damaged", "fill_value -1 is not a number of the array's type"),
     "order": (fault_2(order="Z"), "input_damaged", 'order is "Z"'),
     "scale": (in_group(datasets=SCALED), "input_damaged", "coordinate transformation (scale) has the number 0"),
     "affine": (in_group(datasets=AFFINE), "input_unsupported", 'coordinate transformation "affine"'),
@@ -277,6 +279,27 @@ def test_directories_that_are_no_image(told, tmp_path):
     assert "OME-Zarr" in told(tmp_path / "empty")["message"]
     report = told(tmp_path / "empty", kind="labels")
     assert report["code"] == "input_unsupported", report
+
+
+def test_missing_chunks_without_a_fill_value_are_refused(told, tmp_path):
+    writers = {"0.0.0": fault_2(fill_value=None), "c/0/0/0": fault_3(fill_value=None),
+               "c/0/0/0 ": lambda path: write_array_3(path, stored(ball("u1")), CHUNKS, shards=(8, 10, 12), fill_value=None)}
+    for name, write in writers.items():
+        write(tmp_path / name.strip().replace("/", "") / "a.zarr")
+        report = told(tmp_path / name.strip().replace("/", "") / "a.zarr")
+        assert report["code"] == "input_damaged" and "the chunk is missing and fill_value is null" in report["message"], report
+        assert "a.zarr: " in report["message"], report
+
+
+def test_fill_value_null_without_missing_chunks(told, plain, tmp_path):
+    write_array_2(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS, fill=None)
+    assert told(tmp_path / "a.zarr", voxel_size=VOXEL)["digest"] == plain()
+
+
+def test_metadata_of_both_versions(told, tmp_path):
+    write_array_2(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS)
+    write_array_3(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS)
+    assert any("version 2 (.zarray) and of version 3" in w for w in told(tmp_path / "a.zarr")["surface"]["warnings"])
 
 
 @pytest.mark.sanitized

@@ -310,10 +310,11 @@ def _pack_bits(rows, bits):
 
 
 def write_tiff(path, pages, endian="<", big=False, packed=False, rows=None, tile=None, bits=None, description=None,
-               resolution=None, unit=1, tags=None, contiguous=False):
+               resolution=None, unit=1, tags=None, page_tags=None, twice=(), contiguous=False):
     """Each page is an array [x, y]. `rows`: of a strip; `tile`: (width, height); `packed`: by Deflate; `bits`: fewer than eight;
-    `resolution`: pixels in a unit along x and y; `tags`: further ones of SHORT, or in the place of these, by number;
-    `contiguous`: one directory, that of the first page."""
+    `resolution`: pixels in a unit along x and y; `tags`: further ones of SHORT, or in the place of these, by number; `page_tags`: the
+    same for one page, by its number; `twice`: pairs (tag, value) of SHORT, each as a second entry of its tag; `contiguous`: one
+    directory, that of the first page."""
     kind = pages[0].dtype.str[1:]
     word, size, count_word, entry = ("Q", 8, "Q", 20) if big else ("I", 4, "H", 12)
     head = (b"II" if endian == "<" else b"MM") + struct.pack(endian + "H", 43 if big else 42)
@@ -351,9 +352,9 @@ def write_tiff(path, pages, endian="<", big=False, packed=False, rows=None, tile
             fields[270] = ("s", description.encode() if isinstance(description, str) else description)
         if resolution:
             fields.update({282: ("R", _tiff_rational(resolution[0])), 283: ("R", _tiff_rational(resolution[1])), 296: ("H", [unit])})
-        fields.update({tag: ("H", [value]) for tag, value in (tags or {}).items()})
+        fields.update({tag: ("H", [value]) for tag, value in {**(tags or {}), **(page_tags or {}).get(number, {})}.items()})
         entries = b""
-        for tag, (code, values) in sorted(fields.items()):
+        for tag, (code, values) in sorted([*fields.items(), *((tag, ("H", [value])) for tag, value in twice)]):
             if code == "s":
                 data, count, of_type = values + b"\0", len(values) + 1, 2
             elif code == "R":

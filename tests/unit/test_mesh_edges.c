@@ -112,10 +112,40 @@ static void seams_of_many_open_edges_are_closed(void **state)
     mesh_free(&m);
 }
 
+/* Quads of 1e-3 in two sheets that meet at a seam, with vertices of their own: within the rounding that a model of size 1 has, they
+ * are joined. With a part at 1e9, the tolerance is a thousand times the size of the sheets: their rims do not collapse. */
+static void parts_are_joined_at_their_own_scale(void **state)
+{
+    (void)state;
+    for (int far = 0; far < 2; far++) {
+        mesh m = mesh_fixture_sheet(20, 20, flat), other = mesh_fixture_sheet(20, 20, below);
+        mesh_edges own = {0};
+        mesh_notes notes = {0};
+        error e = {0};
+        for (size_t v = 0; v < other.vertex_count; v++) other.vertex[v].z += 1e-6;
+        mesh_fixture_append(&m, other);
+        for (size_t v = 0; v < m.vertex_count; v++)
+            m.vertex[v] = vec3_scale(m.vertex[v], 0.02); /* sides of 1e-3 */
+        if (far) {
+            mesh part = mesh_fixture_ball((vec3){1e9, 0, 0}, 1, 1);
+            mesh_fixture_append(&m, part);
+        }
+        assert_true(mesh_weld(&m, MESH_DROP_CANCELLED, &notes, &e));
+        const size_t triangles = m.triangle_count;
+        const mesh_edges *edges = mesh_edges_close_seams(&m, NULL, far ? 1e3 : 1e-6, NULL, &own, &notes, &e);
+        assert_non_null(edges);
+        assert_int_equal(m.triangle_count, triangles);
+        assert_int_equal(edges->open, 4 * 40 - 2 * 20);
+        mesh_edges_free(&own);
+        mesh_free(&m);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(kinds_are_counted),
                                        cmocka_unit_test(known_edges_are_kept),
-                                       cmocka_unit_test(seams_of_many_open_edges_are_closed)};
+                                       cmocka_unit_test(seams_of_many_open_edges_are_closed),
+                                       cmocka_unit_test(parts_are_joined_at_their_own_scale)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

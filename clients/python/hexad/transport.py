@@ -65,7 +65,7 @@ class Transport:
     def __init__(self, server: str | None = None, token: str | None = None, timeout: float = 60.0,
                  patience: float = 60.0, context: ssl.SSLContext | None = None) -> None:
         self.server = server or os.environ.get("HEXAD_SERVER") or DEFAULT_SERVER
-        self.token = token or os.environ.get("HEXAD_TOKEN")
+        self.token = (token or os.environ.get("HEXAD_TOKEN") or "").strip()
         self.timeout, self.patience, self.context = timeout, patience, context
         self.url = urllib.parse.urlsplit(self.server)
         if self.url.scheme not in ("unix", "http", "https") or not (self.url.hostname or self.url.scheme == "unix"):

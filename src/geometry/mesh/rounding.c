@@ -10,6 +10,9 @@
 static const double of_float = 0x1p-24, of_double = 0x1p-53;
 /* Rounding operations in an affine map of a coordinate: three products and three sums. */
 static const double map_operations = 6;
+/* The error of a map whose terms are as large as the largest coordinate of the mesh counts at most as this fraction of the
+ * longest side of a triangle: a part that is far away does not make the triangles of the others flat. */
+static const double of_side = 1e-6;
 /* Triangles in a chunk of work. */
 enum { CHUNK = 4096 };
 
@@ -59,7 +62,11 @@ rounding rounding_of(const mesh *m, threads *pool)
 
 double rounding_reach(const rounding *r, const vec3 corner[3])
 {
-    const double largest = fmax(largest_coordinate(corner[0]),
-                                fmax(largest_coordinate(corner[1]), largest_coordinate(corner[2])));
-    return 2 * sqrt(3) * (r->absolute + r->relative * largest);
+    double largest = 0, longest = 0;
+    for (int k = 0; k < 3; k++) {
+        largest = fmax(largest, largest_coordinate(corner[k]));
+        longest = fmax(longest, vec3_norm2(vec3_sub(corner[k], corner[(k + 1) % 3])));
+    }
+    const double own = (map_operations * of_double + r->relative) * largest;
+    return 2 * sqrt(3) * (own + fmin(r->absolute, of_side * sqrt(longest)));
 }

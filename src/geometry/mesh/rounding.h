@@ -8,7 +8,8 @@
 #include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 
-/* The error of a coordinate x is at most absolute + relative |x|. */
+/* The error of a coordinate x is at most absolute + relative |x|, of which `absolute` is due to the largest coordinate of the
+ * mesh. */
 typedef struct rounding {
     double absolute, relative;
 } rounding;
@@ -23,7 +24,8 @@ rounding rounding_at_most(const mesh *m, threads *pool);
 
 /* Maximum distance of the rounded corners of a triangle from the line or plane on which their exact positions
  * lie. Each corner has an error of sqrt(3) times that of its coordinates, and the line through them has the
- * same error again. */
+ * same error again. `absolute` counts at most as a millionth of the longest side, so that a part far away does not
+ * flatten the others. */
 double rounding_reach(const rounding *r, const vec3 corner[3]);
 
 #endif

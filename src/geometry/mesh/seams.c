@@ -13,6 +13,12 @@ static const double SEARCH_MARGIN = 1.0001;
 
 static const char what[] = "the open edges of the mesh";
 
+/* Vertices are joined at most at this fraction of the shortest edge at either of them, beside the rounding of their
+ * coordinates: whatever the size of the whole mesh is, joining does not change the shape of a part. */
+static const double of_shortest_edge = 0.1;
+/* Rounding of a coordinate to a float, relative to it. */
+static const double of_float = 0x1p-24;
+
 /* A vertex of open edges. */
 typedef struct end {
     double x;
@@ -30,6 +36,8 @@ typedef struct cutting {
     const seam_edge *edges;
     size_t count;
     double tolerance;
+    double *
+        local; /* per vertex of open edges: distance up to which its own edges and coordinates permit joining */
     end *ends;
     size_t end_count;
     cut *cuts;
@@ -66,18 +74,49 @@ static bool list_ends(cutting *c, error *e)
     return true;
 }
 
+static double largest_coordinate(vec3 v)
+{
+    return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
+}
+
+/* Sets c->local. Its other elements are negative. */
+static bool measure_edges(cutting *c, error *e)
+{
+    const mesh *m = c->m;
+    c->local = mem_array(m->vertex_count, sizeof *c->local, what, e);
+    if (!c->local) return false;
+    for (uint32_t v = 0; v < m->vertex_count; v++) c->local[v] = -1;
+    for (size_t k = 0; k < c->end_count; k++) c->local[c->ends[k].vertex] = INFINITY;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) {
+            const uint32_t a = m->triangle[n][k], b = m->triangle[n][(k + 1) % 3];
+            if (c->local[a] < 0 && c->local[b] < 0) continue;
+            const double side = vec3_norm(vec3_sub(m->vertex[a], m->vertex[b]));
+            if (side < c->local[a]) c->local[a] = side;
+            if (side < c->local[b]) c->local[b] = side;
+        }
+    for (size_t k = 0; k < c->end_count; k++) {
+        const uint32_t v = c->ends[k].vertex;
+        c->local[v] =
+            of_shortest_edge * c->local[v] + 2 * sqrt(3) * of_float * largest_coordinate(m->vertex[v]);
+    }
+    return true;
+}
+
 bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *joined, error *e)
 {
     cutting c = {.m = m, .edges = edges, .count = count, .tolerance = tolerance};
     if (count == 0) return true;
     uint32_t *to = mem_array(m->vertex_count, sizeof *to, what, e);
-    bool ok = to && list_ends(&c, e);
+    bool ok = to && list_ends(&c, e) && measure_edges(&c, e);
     for (uint32_t v = 0; ok && v < m->vertex_count; v++) to[v] = v;
     for (size_t k = 0; ok && k < c.end_count; k++) {
         const end *a = &c.ends[k];
-        for (size_t n = k; n > 0 && a->x - c.ends[n - 1].x <= tolerance; n--) {
+        const double within = fmin(tolerance, c.local[a->vertex]);
+        for (size_t n = k; n > 0 && a->x - c.ends[n - 1].x <= within; n--) {
             const uint32_t b = c.ends[n - 1].vertex;
-            if (to[b] != b || vec3_norm(vec3_sub(m->vertex[a->vertex], m->vertex[b])) > tolerance) continue;
+            const double apart = vec3_norm(vec3_sub(m->vertex[a->vertex], m->vertex[b]));
+            if (to[b] != b || apart > fmin(within, c.local[b])) continue;
             to[a->vertex] = b;
             ++*joined;
             break;
@@ -89,6 +128,7 @@ bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance,
     m->welded &= *joined == 0;
     free(to);
     free(c.ends);
+    free(c.local);
     return ok;
 }
 
@@ -105,7 +145,8 @@ static bool add_cut(cutting *c, cut added, error *e)
 typedef struct search {
     cutting *c;
     uint32_t edge;
-    vec3 a, way; /* start of the edge, and the vector from its start to its end */
+    vec3 a, way;   /* start of the edge, and the vector from its start to its end */
+    double within; /* largest distance of a vertex from the edge */
     bool ok;
     error *e;
 } search;
@@ -118,10 +159,10 @@ static void cut_at_end(void *context, uint32_t k)
                    v = c->ends[k].vertex;
     const double length = vec3_norm(f->way);
     const vec3 from = vec3_sub(c->m->vertex[v], f->a);
-    const double at = vec3_dot(from, f->way) / (length * length);
+    const double at = vec3_dot(from, f->way) / (length * length), within = fmin(f->within, c->local[v]);
     if (!f->ok || v == t[0] || v == t[1] || v == t[2] ||
-        !(at * length > c->tolerance && (1 - at) * length > c->tolerance) ||
-        vec3_norm(vec3_axpy(-at, f->way, from)) > c->tolerance)
+        !(at * length > within && (1 - at) * length > within) ||
+        vec3_norm(vec3_axpy(-at, f->way, from)) > within)
         return;
     f->ok = add_cut(c, (cut){f->edge, v, at}, f->e);
     c->taken[triangle] = true;
@@ -131,9 +172,10 @@ static bool cut_edge(cutting *c, const cell_list *ends, uint32_t n, error *e)
 {
     const seam_edge *s = &c->edges[n];
     const vec3 a = c->m->vertex[s->from];
-    search f = {c, n, a, vec3_sub(c->m->vertex[s->to], a), true, e};
+    const double within = fmin(c->tolerance, fmax(c->local[s->from], c->local[s->to]));
+    search f = {c, n, a, vec3_sub(c->m->vertex[s->to], a), within, true, e};
     if (c->taken[s->triangle]) return true;
-    cell_list_within(ends, vec3_axpy(0.5, f.way, a), SEARCH_MARGIN * (vec3_norm(f.way) / 2 + c->tolerance),
+    cell_list_within(ends, vec3_axpy(0.5, f.way, a), SEARCH_MARGIN * (vec3_norm(f.way) / 2 + within),
                      cut_at_end, &f);
     return f.ok;
 }
@@ -186,12 +228,13 @@ bool seams_split(mesh *m, const seam_edge *edges, size_t count, double tolerance
     cutting c = {.m = m, .edges = edges, .count = count, .tolerance = tolerance};
     if (count == 0 || !(tolerance > 0)) return true;
     c.taken = mem_array(m->triangle_count, sizeof *c.taken, what, e);
-    bool ok = c.taken && list_ends(&c, e) && cut_edges(&c, e);
+    bool ok = c.taken && list_ends(&c, e) && measure_edges(&c, e) && cut_edges(&c, e);
     if (ok && c.cut_count) {
         qsort(c.cuts, c.cut_count, sizeof *c.cuts, by_edge);
         ok = split_all(&c, split, e);
     }
     free(c.ends);
+    free(c.local);
     free(c.cuts);
     free(c.taken);
     return ok;

@@ -20,12 +20,15 @@ typedef struct seam_edge {
     uint32_t triangle;
 } seam_edge;
 
-/* Joins vertices of open edges whose distance is at most `tolerance`, each with one other vertex, and drops
+/* Vertices are joined, and lie on an edge, within `tolerance`, but at most within a tenth of the shortest edge at either
+ * of them, and the rounding of their coordinates to floats: a part that is small beside the whole mesh keeps its shape. */
+
+/* Joins vertices of open edges, each with one other vertex, and drops
  * triangles that then have two equal corners. Adds the number of removed vertices to *joined. Error:
  * limit_memory. */
 bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *joined, error *e);
 
-/* Splits triangles at vertices of other open edges that lie within `tolerance` of their open edges. A
+/* Splits triangles at vertices of other open edges that lie on their open edges. A
  * triangle with several such edges is split at one; call again with the remaining open edges. Adds the number
  * of split triangles to *split. Error: limit_memory. */
 bool seams_split(mesh *m, const seam_edge *edges, size_t count, double tolerance, size_t *split, error *e);

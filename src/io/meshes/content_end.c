@@ -52,6 +52,20 @@ static const char *end_of_solids(const char *at, const char *end)
     return within ? NULL : found;
 }
 
+bool content_has_stl_attributes(const char *data, size_t size)
+{
+    if (size < STL_HEAD) return false;
+    const unsigned char *bytes = (const unsigned char *)data, *n = bytes + STL_COUNT_AT;
+    const uint64_t count = n[0] | (uint64_t)n[1] << 8 | (uint64_t)n[2] << 16 | (uint64_t)n[3] << 24;
+    size_t at = STL_HEAD, more = 0;
+    for (uint64_t k = 0; k < count; k++, at += STL_TRIANGLE + more) {
+        if (size - at < STL_TRIANGLE) return false;
+        more = bytes[at + STL_TRIANGLE - 2] | (size_t)bytes[at + STL_TRIANGLE - 1] << 8;
+        if (size - at - STL_TRIANGLE < more) return false;
+    }
+    return at == size && size > STL_HEAD + STL_TRIANGLE * count;
+}
+
 static const char *end_of_stl(const char *data, size_t size)
 {
     uint64_t whole = UINT64_MAX;
@@ -63,7 +77,8 @@ static const char *end_of_stl(const char *data, size_t size)
     if (whole == size) return NULL;
     const char *end = data + size, *first = skip_blanks(data, end);
     if (begins_with(first, end, "solid")) return end_of_solids(first, end);
-    return whole < size ? data + whole : NULL;
+    /* no count, or triangles with attributes: the reader follows them to the end */
+    return whole > STL_HEAD && whole < size && !content_has_stl_attributes(data, size) ? data + whole : NULL;
 }
 
 /* The line at `at`, or the first after it, that holds something but a comment. */

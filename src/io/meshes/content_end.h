@@ -12,6 +12,10 @@
  * elements (PLY) or faces (OFF); `size` if the end is not known, and for other formats. */
 size_t content_end(const char *ending, const char *data, size_t size);
 
+/* Whether the triangles of a binary STL file are followed by as many bytes as their counts of attribute bytes say, and
+ * these end where the file ends. */
+bool content_has_stl_attributes(const char *data, size_t size);
+
 /* Whether the bytes from `end` on contain anything but white space and zeros. */
 bool content_follows(const char *data, size_t size, size_t end);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/mesh_reader.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -110,12 +111,22 @@ typedef struct walk {
     const struct aiScene *scene;
     enum { COUNT, VERTICES, TRIANGLES, SIZES, CORNERS } pass;
     mesh_reader_header header;
+    size_t skins;               /* number of meshes with a skin */
     uint64_t polygons, corners; /* corners: number of corners of all polygons */
     size_t first;               /* index of the first vertex of the current mesh */
     bool failed;
-    unsigned group; /* number of the visited node among those that have meshes */
-    plain_mesh one; /* vertices of the current mesh, and one of its polygons with its triangles */
+    bool is_gltf;                /* colours are linear, and skinned meshes are not placed by their nodes */
+    struct aiMatrix4x4 to_world; /* of the root */
+    unsigned group;              /* number of the visited node among those that have meshes */
+    plain_mesh one;              /* vertices of the current mesh, and one of its polygons with its triangles */
 } walk;
+
+/* The matrix of a mesh of a node whose matrix is `m`. */
+static const struct aiMatrix4x4 *matrix_of(const walk *w, const struct aiMesh *mesh,
+                                           const struct aiMatrix4x4 *m)
+{
+    return w->is_gltf && mesh->mNumBones > 0 ? &w->to_world : m;
+}
 
 static void visit_vertices(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
 {
@@ -197,10 +208,13 @@ static void visit_faces(walk *w, const struct aiMesh *mesh)
 static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
 {
     if (w->pass == VERTICES)
-        visit_vertices(w, mesh, m);
+        visit_vertices(w, mesh, matrix_of(w, mesh, m));
     else
         visit_faces(w, mesh);
-    if (w->pass == COUNT) w->header.vertices += mesh->mNumVertices;
+    if (w->pass == COUNT) {
+        w->header.vertices += mesh->mNumVertices;
+        w->skins += mesh->mNumBones > 0;
+    }
     w->first += mesh->mNumVertices;
 }
 
@@ -221,6 +235,7 @@ typedef struct values {
     enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL, OF_GROUP } what;
     unsigned slot;
     mesh_reader_values head;
+    bool has_opacity; /* of colours: one of them is not fully transparent */
 } values;
 
 static bool mesh_has(const struct aiMesh *mesh, const values *v)
@@ -231,15 +246,31 @@ static bool mesh_has(const struct aiMesh *mesh, const values *v)
                                   : true;
 }
 
+/* From linear light to sRGB (IEC 61966-2-1). */
+static float encoded(float linear)
+{
+    const double value = fmin(fmax((double)linear, 0), 1);
+    return (float)(value <= 0.0031308 ? 12.92 * value : 1.055 * pow(value, 1 / 2.4) - 0.055);
+}
+
+/* A colour in sRGB. The library has an opacity of 0 for colours of three components. */
+static void color_at(const walk *w, const struct aiMesh *mesh, const values *v, unsigned n, float out[4])
+{
+    const struct aiColor4D c = mesh->mColors[v->slot][n];
+    memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
+    if (!w->is_gltf) return;
+    for (int k = 0; k < 3; k++) out[k] = encoded(out[k]);
+    if (!v->has_opacity) out[3] = 1;
+}
+
 /* The value of vertex n; zeros if this mesh of the scene does not have the attribute. */
-static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v, unsigned n,
-                     float out[MESH_VALUES_COMPONENTS])
+static void value_at(const walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v,
+                     unsigned n, float out[MESH_VALUES_COMPONENTS])
 {
     memset(out, 0, MESH_VALUES_COMPONENTS * sizeof *out);
     if (!mesh_has(mesh, v)) return;
     if (v->what == OF_COLOR) {
-        const struct aiColor4D c = mesh->mColors[v->slot][n];
-        memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
+        color_at(w, mesh, v, n, out);
     } else if (v->what == OF_UV) {
         const struct aiVector3D t = mesh->mTextureCoords[v->slot][n];
         memcpy(out, (const float[]){t.x, t.y}, 2 * sizeof *out);
@@ -259,7 +290,13 @@ static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, con
 static void add_values(const struct aiScene *scene, const char *name, values v, values *list, uint32_t *count)
 {
     bool any = false;
-    for (unsigned k = 0; k < scene->mNumMeshes; k++) any |= mesh_has(scene->mMeshes[k], &v);
+    for (unsigned k = 0; k < scene->mNumMeshes; k++) {
+        const struct aiMesh *mesh = scene->mMeshes[k];
+        any |= mesh_has(mesh, &v);
+        for (unsigned n = 0;
+             v.what == OF_COLOR && mesh_has(mesh, &v) && n < mesh->mNumVertices && !v.has_opacity; n++)
+            v.has_opacity = mesh->mColors[v.slot][n].a != 0;
+    }
     if (!any || *count == MESH_VALUES_MOST) return;
     if (v.slot > 0)
         snprintf(v.head.name, sizeof v.head.name, "%s%u", name, v.slot);
@@ -272,12 +309,12 @@ static uint32_t list_values(const struct aiScene *scene, values *list)
 {
     uint32_t count = 0;
     for (unsigned k = 0; k < AI_MAX_NUMBER_OF_COLOR_SETS; k++)
-        add_values(scene, "color", (values){OF_COLOR, k, {"", MESH_VALUES_COLOR, 4}}, list, &count);
+        add_values(scene, "color", (values){OF_COLOR, k, {"", MESH_VALUES_COLOR, 4}, false}, list, &count);
     for (unsigned k = 0; k < AI_MAX_NUMBER_OF_TEXTURECOORDS; k++)
-        add_values(scene, "uv", (values){OF_UV, k, {"", MESH_VALUES_UV, 2}}, list, &count);
-    add_values(scene, "normal", (values){OF_NORMAL, 0, {"", MESH_VALUES_NORMAL, 3}}, list, &count);
-    add_values(scene, "material", (values){OF_MATERIAL, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
-    add_values(scene, "group", (values){OF_GROUP, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
+        add_values(scene, "uv", (values){OF_UV, k, {"", MESH_VALUES_UV, 2}, false}, list, &count);
+    add_values(scene, "normal", (values){OF_NORMAL, 0, {"", MESH_VALUES_NORMAL, 3}, false}, list, &count);
+    add_values(scene, "material", (values){OF_MATERIAL, 0, {"", MESH_VALUES_WHOLE, 1}, false}, list, &count);
+    add_values(scene, "group", (values){OF_GROUP, 0, {"", MESH_VALUES_WHOLE, 1}, false}, list, &count);
     return count;
 }
 
@@ -289,7 +326,7 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
         const struct aiMesh *mesh = w->scene->mMeshes[node->mMeshes[n]];
         for (unsigned k = 0; !w->failed && k < mesh->mNumVertices; k++) {
             float value[MESH_VALUES_COMPONENTS];
-            value_at(mesh, &m, v, k, value);
+            value_at(w, mesh, matrix_of(w, mesh, &m), v, k, value);
             if (v->what == OF_GROUP) value[0] = (float)w->group;
             w->failed = fwrite(value, sizeof *value, v->head.components, stdout) != v->head.components;
         }
@@ -346,20 +383,28 @@ static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
 
 /* Writes the answer for a scene. `own`: vertex properties of a PLY file that the library does not read, for
  * VALUES. `end`: as in the header. `known`: unit and warnings of the file, as plain_mesh found them. */
-static int answer_scene(const struct aiScene *scene, addition also, const ply_values *own, size_t end,
-                        plain_mesh *known)
+static int answer_scene(const struct aiScene *scene, file_format format, addition also, const ply_values *own,
+                        size_t end, plain_mesh *known)
 {
     const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
     if (centimetres != 1)
         plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
-    walk w = {.scene = scene, .header = {.end = end}, .one = {.keeps_polygons = also == POLYGONS}};
+    walk w = {.scene = scene,
+              .header = {.end = end},
+              .is_gltf = format == FILE_FORMAT_GLTF,
+              .one = {.keeps_polygons = also == POLYGONS}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
+    w.to_world = scaled;
     for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
         w.first = 0;
         visit(&w, scene->mRootNode, scaled, 0);
         if (w.pass == COUNT && w.one.refused != ERROR_NONE) return answer_fault(w.one.refused, w.one.text);
         w.header.crossed = w.one.crossed;
+        if (w.pass == COUNT && w.skins > 0 && !w.is_gltf) /* the reader of glTF has its own warning */
+            plain_mesh_warn(
+                known, "%zu meshes have a skin, which is not applied: export the posed mesh to sample it",
+                w.skins);
         if (w.pass == COUNT)
             w.failed = !reader_answer(&w.header, sizeof w.header, known->text, strlen(known->text));
     }
@@ -530,6 +575,11 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
             plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
                               "the values of its vertices are not read, because its positions are quantised "
                               "(KHR_mesh_quantization). Save it with floats.");
+        if (plain->has_hidden_nodes)
+            plain_mesh_refuse(
+                plain, ERROR_INPUT_UNSUPPORTED,
+                "the values of its vertices are not read, because it has nodes that are not visible "
+                "(KHR_node_visibility). Save it without them.");
         free(plain->vertex);
         free(plain->triangle);
     }
@@ -589,7 +639,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
     const char *foreign = scene ? foreign_scene(scene) : NULL;
     int status = foreign                     ? answer_fault(ERROR_INPUT_UNSUPPORTED, foreign)
-                 : scene && scene->mRootNode ? answer_scene(scene, also, &own, end, &plain)
+                 : scene && scene->mRootNode ? answer_scene(scene, format, also, &own, end, &plain)
                                              : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* _exit: freeing the library's memory takes time */
 }

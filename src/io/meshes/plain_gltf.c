@@ -40,6 +40,7 @@ typedef struct gltf {
     size_t visited, primitives;      /* visited nodes; placed primitives, counted for each node that refers
                                       * to them */
     size_t skins, morphs, instances; /* nodes with a skin, with morph targets, with instancing */
+    size_t hidden;                   /* nodes that are not visible */
     bool is_left;                    /* the file is left to the library */
     plain_mesh *out;
 } gltf;
@@ -87,9 +88,8 @@ static int base64_digit(char c)
     return found ? (int)(found - digits) : -1;
 }
 
-static bool decode(gltf *g, const char *text, size_t index, buffer *out)
+static bool decode_base64(gltf *g, const char *text, size_t length, size_t index, buffer *out)
 {
-    const size_t length = strlen(text);
     uint32_t bits = 0;
     char *to = out->decoded = malloc(length / 4 * 3 + 4);
     if (!to) return no_memory(g);
@@ -107,6 +107,36 @@ static bool decode(gltf *g, const char *text, size_t index, buffer *out)
     out->data = out->decoded;
     out->size = (size_t)(to - out->decoded);
     return true;
+}
+
+static int hexadecimal_digit(char c)
+{
+    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
+    const char *found = c ? strchr(digits, c) : NULL;
+    return found ? (int)(found - digits) % 16 : -1;
+}
+
+/* The next character of a URI at *at, which may be percent-encoded. */
+static char next_character(const char **at)
+{
+    const char *c = (*at)++;
+    const int high = *c == '%' ? hexadecimal_digit(c[1]) : -1, low = high >= 0 ? hexadecimal_digit(c[2]) : -1;
+    if (low < 0) return *c;
+    *at += 2;
+    return (char)(16 * high + low);
+}
+
+/* Decodes base64 data of a data URI, whose characters may be percent-encoded. */
+static bool decode(gltf *g, const char *uri, size_t index, buffer *out)
+{
+    char *text = malloc(strlen(uri) + 1);
+    if (!text) return no_memory(g);
+    size_t length = 0;
+    for (const char *at = uri; *at;) text[length++] = next_character(&at);
+    text[length] = 0;
+    const bool ok = decode_base64(g, text, length, index, out);
+    free(text);
+    return ok;
 }
 
 static bool load(gltf *g, size_t index, buffer *out)
@@ -347,6 +377,8 @@ static bool has_weight(const json *node)
     return found;
 }
 
+static const double no_transform[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+
 static bool add_mesh(gltf *g, const json *node, double index, const double m[3][4])
 {
     const json *mesh = item_at(&g->meshes, index);
@@ -359,6 +391,8 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     g->skins += json_number(member(node, "skin"), -1) >= 0;
     g->morphs += member(node, "weights").node ? has_weight(node) : has_weight(mesh);
     g->instances += json_member(&extensions, "EXT_mesh_gpu_instancing").node != NULL;
+    /* a skin's joints place the mesh, and not its node (3.7.3.1 of the standard) */
+    if (json_number(member(node, "skin"), -1) >= 0) m = no_transform;
     for (json_at primitive = json_first(&primitives); primitive.node; primitive = json_next(&primitive))
         if (!add_primitive(g, primitive.node, m)) return false;
     return true;
@@ -395,20 +429,36 @@ static bool read_transform(gltf *g, const json *node, size_t index, double out[1
         !read_numbers(g, node, "translation", t, 3, index) ||
         !read_numbers(g, node, "rotation", q, 4, index) || !read_numbers(g, node, "scale", s, 3, index))
         return false;
+    if (member(node, "matrix").node &&
+        (member(node, "translation").node || member(node, "rotation").node || member(node, "scale").node))
+        return damaged(g, "a matrix beside a translation, rotation or scale in node", index);
     for (int k = 0; k < 16; k++) out[k] = columns[4 * (k % 4) + k / 4];
     if (!member(node, "matrix").node) compose_trs(t, q, s, out);
     return (out[12] == 0 && out[13] == 0 && out[14] == 0 && out[15] == 1) ||
            damaged(g, "wrong matrix of node", index);
 }
 
+/* KHR_node_visibility: a node that is not visible hides the nodes below it. */
+static bool is_visible(const json *node)
+{
+    json_at extensions = member(node, "extensions"),
+            visibility = json_member(&extensions, "KHR_node_visibility");
+    return json_bool(json_member(&visibility, "visible"), true);
+}
+
 static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
 {
     const json *node = item_at(&g->nodes, index);
-    double own[16], m[3][4];
+    double own[16] = {0}, m[3][4];
     /* nodes form trees: more visits than nodes mean that a node is its own descendant, or has several
      * parents */
     if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
         return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
+    if (!is_visible(node)) {
+        g->out->has_hidden_nodes = true;
+        g->hidden++;
+        return true;
+    }
     if (!read_transform(g, node, (size_t)index, own)) return false;
     affine_compose(to_world, own, m);
     json_at mesh = member(node, "mesh"), children = member(node, "children");
@@ -427,7 +477,6 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
 /* Visits the nodes of the scene. Without scenes: the nodes that have no parent. */
 static bool visit_scene(gltf *g)
 {
-    static const double identity[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
     json_at root = json_root(g->root), scenes = json_member(&root, "scenes");
     const double index = json_number(json_member(&root, "scene"), 0);
     if (json_size(scenes) > 0) {
@@ -436,7 +485,7 @@ static bool visit_scene(gltf *g)
         json_at nodes = json_member(&scene, "nodes");
         bool ok = true;
         for (json_at node = json_first(&nodes); node.node && ok; node = json_next(&node))
-            ok = visit(g, json_number(node, -1), identity, 0);
+            ok = visit(g, json_number(node, -1), no_transform, 0);
         return ok;
     }
     bool *is_below = calloc(g->nodes.count + 1, sizeof *is_below), ok = is_below != NULL;
@@ -449,7 +498,7 @@ static bool visit_scene(gltf *g)
     }
     if (!is_below) return no_memory(g);
     for (size_t k = 0; ok && k < g->nodes.count; k++)
-        if (!is_below[k]) ok = visit(g, (double)k, identity, 0);
+        if (!is_below[k]) ok = visit(g, (double)k, no_transform, 0);
     free(is_below);
     return ok;
 }
@@ -459,13 +508,46 @@ static bool visit_scene(gltf *g)
 /* Whether an extension is read, or does not change positions of the mesh. */
 static bool is_known(const char *extension)
 {
-    static const char *const known[] = {
-        "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu",
-        "KHR_lights_punctual",   "KHR_xmp_json_ld",       "KHR_draco_mesh_compression",
-        "EXT_texture_webp",      "EXT_texture_avif",      "KHR_animation_pointer"};
+    static const char *const known[] = {"KHR_mesh_quantization",
+                                        "KHR_texture_transform",
+                                        "KHR_texture_basisu",
+                                        "KHR_lights_punctual",
+                                        "KHR_xmp_json_ld",
+                                        "KHR_xmp",
+                                        "KHR_draco_mesh_compression",
+                                        "EXT_texture_webp",
+                                        "EXT_texture_avif",
+                                        "KHR_animation_pointer",
+                                        "KHR_node_visibility",
+                                        "MSFT_texture_dds",
+                                        "EXT_mesh_features",
+                                        "EXT_structural_metadata",
+                                        "EXT_instance_features",
+                                        "EXT_lights_ies",
+                                        "EXT_lights_image_based"};
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (strcmp(extension, known[k]) == 0) return true;
     return strncmp(extension, "KHR_materials_", strlen("KHR_materials_")) == 0;
+}
+
+/* Extensions that the file uses and that have warnings of their own, or whose fallback is read. */
+static bool is_warned(const char *extension)
+{
+    return strcmp(extension, "EXT_mesh_gpu_instancing") == 0 ||
+           strcmp(extension, "EXT_meshopt_compression") == 0;
+}
+
+/* Names the extensions that are not known: they may move or replace parts of the mesh. */
+static void warn_of_extensions(gltf *g)
+{
+    json_at root = json_root(g->root), used = json_member(&root, "extensionsUsed");
+    for (json_at extension = json_first(&used); extension.node; extension = json_next(&extension)) {
+        const char *name = json_string(extension, "");
+        if (!is_known(name) && !is_warned(name))
+            plain_mesh_warn(g->out,
+                            "the glTF extension %.80s is not read: if it changes positions, they are wrong",
+                            name);
+    }
 }
 
 static bool check_document(gltf *g)
@@ -501,10 +583,15 @@ static void warn(gltf *g)
     if (left > 0)
         plain_mesh_warn(g->out, "%zu of %zu meshes are not in the scene of the file: they are skipped", left,
                         g->meshes.count);
+    if (g->hidden > 0)
+        plain_mesh_warn(
+            g->out, "%zu nodes are not visible (KHR_node_visibility): they and the nodes below are skipped",
+            g->hidden);
     if (g->skins > 0)
         plain_mesh_warn(g->out,
                         "%zu meshes have a skin, which is not applied: export the posed mesh to sample it",
                         g->skins);
+    warn_of_extensions(g);
     if (g->morphs > 0)
         plain_mesh_warn(g->out,
                         "%zu meshes have weights of morph targets, which are not applied: export the morphed "

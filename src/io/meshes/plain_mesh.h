@@ -30,8 +30,9 @@ typedef struct plain_mesh {
     /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
-    bool is_quantised;   /* glTF: the coordinates are integers, which the library does not read */
-    bool keeps_polygons; /* the polygons of the file are kept, in addition to the triangles */
+    bool is_quantised;     /* glTF: the coordinates are integers, which the library does not read */
+    bool has_hidden_nodes; /* nodes that are not in `vertex`, and that the library places */
+    bool keeps_polygons;   /* the polygons of the file are kept, in addition to the triangles */
     size_t polygons, polygon_corners;
     uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */
     uint32_t *polygon_corner; /* vertices of the corners, polygon after polygon */

@@ -113,20 +113,35 @@ static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
     }
 }
 
-static bool is_in_comment(const char *data, const char *at)
+/* Whether the line of `at` is a comment at this place, or has a name of a file or of a group, which may end in `\`. */
+static bool is_text(const char *data, const char *at)
 {
-    while (at > data && at[-1] != '\n' && at[-1] != '\r' && *at != '#') at--;
-    return *at == '#';
+    static const char *const names[] = {"mtllib", "usemtl", "maplib", "usemap", "o", "g"};
+    const char *line = at;
+    while (line > data && line[-1] != '\n' && line[-1] != '\r') line--;
+    for (const char *c = line; c < at; c++)
+        if (*c == '#') return true;
+    line = skip_blanks(line);
+    return is_one_of(line, strcspn(line, " \t"), names, sizeof names / sizeof *names);
+}
+
+/* The bytes of a mark that continues a line: `\`, blanks and the end of the line. 0: it is none. */
+static size_t continuation(const char *at)
+{
+    const size_t blanks = 1 + strspn(at + 1, " \t");
+    return at[blanks] == '\n' ? blanks + 1 : at[blanks] == '\r' && at[blanks + 1] == '\n' ? blanks + 2 : 0;
 }
 
 /* A copy of the text in which continued lines (`\` at the end) are joined. NULL: there are none, or memory
  * is exhausted. */
 static char *join_lines(const char *data)
 {
-    char *copy = strstr(data, "\\\n") || strstr(data, "\\\r\n") ? strdup(data) : NULL;
+    const char *first = data;
+    while ((first = strchr(first, '\\')) && !continuation(first)) first++;
+    char *copy = first ? strdup(data) : NULL;
     for (char *at = copy; at && (at = strchr(at, '\\')); at++) {
-        const size_t length = at[1] == '\r' ? 3 : 2;
-        if (at[length - 1] == '\n' && !is_in_comment(copy, at)) memset(at, ' ', length);
+        const size_t length = continuation(at);
+        if (length && !is_text(copy, at)) memset(at, ' ', length);
     }
     return copy;
 }

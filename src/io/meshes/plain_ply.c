@@ -140,7 +140,14 @@ static bool read_element(ply_rows *r, const ply_element *element, plain_mesh *ou
         return plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
                                  "the PLY file has two elements \"vertex\". Save it with one.");
     }
-    if (strcmp(element->name, "face") == 0) return read_faces(r, out);
+    if (strcmp(element->name, "face") == 0) {
+        if (element->count > 0 && out->vertices == 0)
+            return plain_mesh_refuse(
+                out, ERROR_INPUT_UNSUPPORTED,
+                "the PLY file has its element \"face\" before its element \"vertex\". Save it with "
+                "the vertices first.");
+        return read_faces(r, out);
+    }
     if (strcmp(element->name, "camera") == 0 && element->count > 0)
         plain_mesh_warn(out, "the file has a camera: vertices are not moved by it");
     return pass_over(r, out);
@@ -156,7 +163,7 @@ bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
                                      "ending names its format.");
         return plain_mesh_refuse_line(
             out, data, data + h.fault,
-            "of the header of the PLY file is unknown, or where the file ends. Save it again.");
+            "of the header of the PLY file is unknown, is there twice, or is where the file ends. Save it again.");
     }
     if (h.layout == PLY_TEXT && !plain_mesh_text(data, size, out)) return false;
     ply_rows r = ply_rows_begin(&h, data, size);

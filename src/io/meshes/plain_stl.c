@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* STL: binary if the size is that which follows from its count of triangles; otherwise text, with one or
- * more solids. */
+/* STL: binary if the size is that which follows from its count of triangles, with or without attribute bytes behind
+ * each; otherwise text, with one or more solids. */
 #include <string.h>
 #include <strings.h>
 
+#include "io/meshes/content_end.h"
 #include "io/meshes/plain_mesh.h"
 
 enum { HEADER = 84, COUNT_AT = 80, TRIANGLE = 50, CORNERS_AT = 12 };
@@ -21,10 +22,12 @@ static bool add_triangle(const double at[3][3], plain_mesh *out)
     return plain_mesh_add_polygon(out, corner, 3);
 }
 
-static bool read_binary(const unsigned char *data, size_t count, plain_mesh *out)
+/* `has_attributes`: each triangle is followed by as many bytes as its last field says. */
+static bool read_binary(const unsigned char *data, size_t count, bool has_attributes, plain_mesh *out)
 {
+    const unsigned char *triangle = data + HEADER;
     for (size_t n = 0; n < count; n++) {
-        const unsigned char *from = data + HEADER + n * TRIANGLE + CORNERS_AT;
+        const unsigned char *from = triangle + CORNERS_AT;
         double at[3][3];
         for (int k = 0; k < 9; k++, from += 4) {
             const uint32_t bits = read_little(from);
@@ -32,7 +35,9 @@ static bool read_binary(const unsigned char *data, size_t count, plain_mesh *out
             memcpy(&value, &bits, sizeof value);
             at[k / 3][k % 3] = (double)value;
         }
-        if (!add_triangle(at, out)) return false;
+        if (!add_triangle((const double(*)[3])at, out)) return false;
+        triangle += TRIANGLE;
+        if (has_attributes) triangle += triangle[-2] | triangle[-1] << 8;
     }
     return true;
 }
@@ -92,8 +97,14 @@ bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)
 {
     const unsigned char *bytes = (const unsigned char *)data;
     if (size >= HEADER) {
-        const size_t count = read_little(bytes + COUNT_AT);
-        if (size - HEADER == count * TRIANGLE) return read_binary(bytes, count, out);
+        const size_t count = read_little(bytes + COUNT_AT), by_size = (size - HEADER) / TRIANGLE;
+        if (size - HEADER == count * TRIANGLE) return read_binary(bytes, count, false, out);
+        if (content_has_stl_attributes(data, size)) return read_binary(bytes, count, true, out);
+        if (count == 0 && (size - HEADER) % TRIANGLE == 0) {
+            plain_mesh_warn(
+                out, "its number of triangles is 0, and its length is that of %zu, which are read", by_size);
+            return read_binary(bytes, by_size, false, out);
+        }
     }
     const char *text = plain_mesh_text(data, size, out);
     if (text && strncasecmp(text + strspn(text, " \t\r\n"), "solid", strlen("solid")) == 0)

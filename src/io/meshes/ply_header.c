@@ -37,7 +37,7 @@ static bool take_format(ply_header *h, const char *name)
 
 static bool take_element(ply_header *h, const char *name, const char *count, size_t line)
 {
-    if (h->elements == PLY_ELEMENTS_MOST || *count < '0' || *count > '9') return false;
+    if (h->elements == PLY_ELEMENTS_MOST || !*count || count[strspn(count, "0123456789")]) return false;
     ply_element *new = &h->element[h->elements++];
     *new = (ply_element){
         .count = strtoull(count, NULL, 10), .line = line, .property = h->property + h->properties};
@@ -53,6 +53,8 @@ static bool take_property(ply_header *h, char word[5][PLY_NAME_SIZE])
     const bool list = strcmp(word[1], "list") == 0;
     *new = (ply_property){.type = find_type(word[list ? 3 : 1]), .length = list ? find_type(word[2]) : NULL};
     memcpy(new->name, word[list ? 4 : 2], sizeof new->name);
+    for (int k = 0; k < of->properties; k++) /* two of a name: which one is meant is not known */
+        if (strcmp(of->property[k].name, new->name) == 0) return false;
     of->properties++;
     of->has_list |= list;
     if (!list && new->type) of->row += number_bytes(new->type->number);
@@ -62,14 +64,17 @@ static bool take_property(ply_header *h, char word[5][PLY_NAME_SIZE])
 /* Takes a line; false: it is not known. */
 static bool take_line(ply_header *h, const char *line, size_t at, bool *format)
 {
-    char word[5][PLY_NAME_SIZE] = {"", "", "", "", ""};
-    sscanf(line, "%63s %63s %63s %63s %63s", word[0], word[1], word[2], word[3], word[4]);
+    char word[5][PLY_NAME_SIZE] = {"", "", "", "", ""}, more[2] = "";
+    const int words =
+        sscanf(line, "%63s %63s %63s %63s %63s %1s", word[0], word[1], word[2], word[3], word[4], more);
     if (strcmp(word[0], "format") == 0) {
+        const bool is_first = !*format;
         *format = true;
-        return take_format(h, word[1]);
+        return is_first && words <= 3 && take_format(h, word[1]);
     }
-    if (strcmp(word[0], "element") == 0) return take_element(h, word[1], word[2], at);
-    if (strcmp(word[0], "property") == 0) return take_property(h, word);
+    if (strcmp(word[0], "element") == 0) return words == 3 && take_element(h, word[1], word[2], at);
+    if (strcmp(word[0], "property") == 0)
+        return words == (strcmp(word[1], "list") == 0 ? 5 : 3) && take_property(h, word);
     if (at == 0) return strcasecmp(word[0], "ply") == 0;
     return !*word[0] || strcmp(word[0], "comment") == 0 || strcmp(word[0], "obj_info") == 0;
 }

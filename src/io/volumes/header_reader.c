@@ -19,6 +19,7 @@
 #include "base/core/file_format.h"
 #include "base/core/reader.h"
 #include "base/core/transfer.h"
+#include "io/volumes/file_pattern.h"
 #include "io/volumes/meta_image.h"
 
 /* Maximum size of a header; headers have a few kB. */
@@ -64,33 +65,37 @@ static bool add_name(answer *a, const char *name, size_t length)
     return true;
 }
 
-/* Whether s is one integer conversion of printf and nothing else: %d, %4d or %04d. */
-static bool is_pattern(const char *s)
-{
-    int conversions = 0;
-    for (; *s; s++) {
-        if (*s != '%') continue;
-        size_t digits = strspn(s + 1, "0123456789");
-        if (digits > 3 || (s[1 + digits] != 'd' && s[1 + digits] != 'u')) return false;
-        s += 1 + digits;
-        conversions++;
-    }
-    return conversions == 1;
-}
-
 static bool is_int32(long value)
 {
     return value >= INT32_MIN && value <= INT32_MAX;
 }
 
-/* Adds names of data files: "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
-static bool add_names(answer *a, char *value)
+/* Splits off the last word of `text` if it is an integer. False, with `text` unchanged: it is not. */
+static bool take_last_integer(char *text, long *out)
 {
-    char pattern[256], name[512];
-    long first, last, step;
-    if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
-        return add_name(a, value, strlen(value));
-    if (!is_pattern(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
+    size_t end = strlen(text), at;
+    while (end > 0 && strchr(" \t", text[end - 1])) end--;
+    for (at = end; at > 0 && !strchr(" \t", text[at - 1]);) at--;
+    char *after;
+    const long value = strtol(text + at, &after, 10);
+    if (at == 0 || after != text + end || end == at) return false;
+    *out = value;
+    while (at > 0 && strchr(" \t", text[at - 1])) at--;
+    text[at] = '\0';
+    return true;
+}
+
+/* Adds names of data files: "FORMAT MIN MAX STEP [DIMENSION]", or one name. Both may have spaces. */
+static bool add_names(answer *a, const char *value)
+{
+    char pattern[512], name[512];
+    long number[4]; /* the last first */
+    int count = 0;
+    const bool whole = snprintf(pattern, sizeof pattern, "%s", value) < (int)sizeof pattern;
+    while (whole && count < 4 && take_last_integer(pattern, &number[count])) count++;
+    if (!whole || count < 3 || !strchr(pattern, '%')) return add_name(a, value, strlen(value));
+    const long step = number[count - 3], last = number[count - 2], first = number[count - 1];
+    if (!file_pattern_is(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
         return refuse(a, ERROR_INPUT_DAMAGED,
                       "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
     for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
@@ -124,12 +129,31 @@ static bool is_remark(const char *line)
     return *line == '#' || strncmp(line + strcspn(line, ":"), ":=", 2) == 0;
 }
 
+static const long long NOT_SET = LLONG_MIN;
+
+/* Reads a skip to its end. Refuses a second one. */
+static bool take_skip(answer *a, const char *field, const char *value, long long least, long long most,
+                      long long *out)
+{
+    char *end;
+    errno = 0;
+    const long long number = strtoll(value, &end, 10);
+    if (*out != NOT_SET)
+        return refuse(a, ERROR_INPUT_DAMAGED, "its header has the field %s twice: remove one of them", field);
+    if (end == value || end[strspn(end, " \t")] || errno || number < least || number > most)
+        return refuse(a, ERROR_INPUT_DAMAGED, "its field \"%s: %.40s\" is not a number from %lld to %lld",
+                      field, value, least, most);
+    *out = number;
+    return true;
+}
+
 /* Removes the fields that locate the data: Teem opens the data files and skips bytes even if only the
  * header is requested. Also removes fields that are parsed without Teem, and refuses lines that exceed
  * its buffers. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
+    long long lines = NOT_SET, bytes = NOT_SET;
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
         size_t length = strlen(line);
         if (length > 0 && line[length - 1] == '\r') line[--length] = '\0';
@@ -137,12 +161,17 @@ static bool take_places(answer *a, char *text, char *rest)
         if (listed) {
             if (length > 0 && !add_name(a, line, length)) return false;
         } else if ((value = field_of(line, "data file", "datafile"))) {
+            if (a->head.file_count > 0)
+                return refuse(a, ERROR_INPUT_DAMAGED,
+                              "its header has the field data file twice: remove one of them");
             listed = strncmp(value, "LIST", 4) == 0;
             if (!listed && !add_names(a, value)) return false;
         } else if ((value = field_of(line, "line skip", "lineskip"))) {
-            a->head.line_skip = (uint32_t)strtoul(value, NULL, 10);
+            if (!take_skip(a, "line skip", value, 0, UINT32_MAX, &lines)) return false;
+            a->head.line_skip = (uint32_t)lines;
         } else if ((value = field_of(line, "byte skip", "byteskip"))) {
-            a->head.byte_skip = strtoll(value, NULL, 10);
+            if (!take_skip(a, "byte skip", value, -INT64_MAX, INT64_MAX, &bytes)) return false;
+            a->head.byte_skip = bytes;
         } else if (!is_remark(line)) {
             if (length > FIELD_MAX)
                 return refuse(a, ERROR_INPUT_DAMAGED,
@@ -405,9 +434,10 @@ static double forms_apart(const nifti_image *n)
  * stored as floats. */
 static const double forms_agree = 0.01;
 
-static void warn_of_places(answer *a, const nifti_image *n)
+/* `pixdim`: as in the file; the library replaces sizes that are not valid. */
+static void warn_of_places(answer *a, const nifti_image *n, const double pixdim[3])
 {
-    const double size[3] = {n->dx, n->dy, n->dz};
+    const double *size = pixdim;
     const double apart = forms_apart(n), voxel = fmin(fabs(n->dx), fmin(fabs(n->dy), fabs(n->dz)));
     if (n->sform_code > 0 && n->qform_code > 0 && !(apart <= forms_agree * voxel))
         dense_warn(
@@ -416,7 +446,7 @@ static void warn_of_places(answer *a, const nifti_image *n)
             "the wrong one from the header.",
             n->sform_code, n->qform_code, apart);
     for (int k = 0; k < 3 && n->sform_code <= 0; k++)
-        if (!(size[k] > 0)) {
+        if (!(size[k] > 0 && isfinite(size[k]))) {
             dense_warn(&a->head.warnings,
                        "pixdim %d is %g, which is not a valid voxel size: %g is used. Correct the header.",
                        k + 1, size[k],
@@ -429,10 +459,10 @@ static void warn_of_places(answer *a, const nifti_image *n)
 }
 
 /* Sets the transform: sform, else qform, else the sizes of voxels, as the standard requires. */
-static void place_of_nifti(answer *a, const nifti_image *n)
+static void place_of_nifti(answer *a, const nifti_image *n, const double pixdim[3])
 {
     const nifti_dmat44 *m = n->sform_code > 0 ? &n->sto_xyz : &n->qto_xyz;
-    warn_of_places(a, n);
+    warn_of_places(a, n, pixdim);
     a->head.index_to_world[15] = 1;
     if (n->sform_code > 0 || n->qform_code > 0) {
         for (int i = 0; i < 3; i++)
@@ -473,12 +503,15 @@ static void scale_of_nifti(answer *a, const nifti_image *n)
     }
 }
 
-/* The start of a file: its header, and the field vox_offset before the library changes it. */
+/* The start of a file: its header, and fields before the library replaces those that are not valid. */
 typedef struct nifti_head {
     const char *bytes;
     size_t length;       /* number of unpacked bytes in `bytes` */
     size_t header_bytes; /* length of the header, without the four bytes of the extender */
     double vox_offset;
+    double pixdim[3]; /* sizes of a voxel */
+    double qfac, quatern[3], qoffset[3];
+    int qform_code, sform_code;
     bool swapped, packed;
 } nifti_head;
 
@@ -490,7 +523,20 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
         memcpy(&second, bytes, sizeof second);
         int64_t offset = second.vox_offset;
         h.swapped = NIFTI2_NEEDS_SWAP(second);
-        if (h.swapped) nifti_swap_8bytes(1, &offset);
+        if (h.swapped) {
+            nifti_swap_8bytes(1, &offset);
+            nifti_swap_8bytes(4, second.pixdim);
+            nifti_swap_8bytes(6, &second.quatern_b);
+            nifti_swap_4bytes(2, &second.qform_code);
+        }
+        h.qfac = second.pixdim[0];
+        h.qform_code = second.qform_code;
+        h.sform_code = second.sform_code;
+        for (int k = 0; k < 3; k++) {
+            h.pixdim[k] = second.pixdim[k + 1];
+            h.quatern[k] = (&second.quatern_b)[k];
+            h.qoffset[k] = (&second.qoffset_x)[k];
+        }
         h.header_bytes = sizeof second;
         h.vox_offset = (double)offset;
     } else {
@@ -498,7 +544,20 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
         memcpy(&first, bytes, sizeof first);
         float offset = first.vox_offset;
         h.swapped = NIFTI_NEEDS_SWAP(first);
-        if (h.swapped) nifti_swap_4bytes(1, &offset);
+        if (h.swapped) {
+            nifti_swap_4bytes(1, &offset);
+            nifti_swap_4bytes(4, first.pixdim);
+            nifti_swap_4bytes(6, &first.quatern_b);
+            nifti_swap_2bytes(2, &first.qform_code);
+        }
+        h.qfac = (double)first.pixdim[0];
+        h.qform_code = first.qform_code;
+        h.sform_code = first.sform_code;
+        for (int k = 0; k < 3; k++) {
+            h.pixdim[k] = (double)first.pixdim[k + 1];
+            h.quatern[k] = (double)(&first.quatern_b)[k];
+            h.qoffset[k] = (double)(&first.qoffset_x)[k];
+        }
         h.header_bytes = sizeof first;
         h.vox_offset = (double)offset;
     }
@@ -545,16 +604,40 @@ static bool place_data_of_nifti(answer *a, const nifti_head *h, int64_t data_byt
     return h->vox_offset != 0 || find_after_extensions(a, h, data_bytes, &a->head.byte_skip);
 }
 
+/* Rounding of the squares of a quaternion that was stored as floats. */
+static const double quaternion_rounding = 1e-5;
+
+static bool check_qform(answer *a, const nifti_head *h)
+{
+    const double *q = h->quatern, *at = h->qoffset;
+    if (!(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] <= 1 + quaternion_rounding))
+        return refuse(
+            a, ERROR_INPUT_DAMAGED,
+            "its quatern_b, quatern_c and quatern_d are (%g, %g, %g), which is not a rotation: correct the header",
+            q[0], q[1], q[2]);
+    return (isfinite(at[0]) && isfinite(at[1]) && isfinite(at[2])) ||
+           refuse(a, ERROR_INPUT_DAMAGED,
+                  "its qoffset_x, qoffset_y and qoffset_z are (%g, %g, %g): correct the header", at[0], at[1],
+                  at[2]);
+}
+
 static bool describe_nifti(answer *a, const nifti_image *n, const char *name, const nifti_head *h)
 {
     const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
     a->head.volumes = 1;
+    if (h->qform_code < 0 || h->sform_code < 0)
+        dense_warn(
+            &a->head.warnings,
+            "qform_code is %d and sform_code is %d: a negative code counts as 0, so that its transform is not used. "
+            "Correct the header.",
+            h->qform_code, h->sform_code);
     for (int k = 3; k < 7; k++)
         if (size[k] > 1 && __builtin_mul_overflow(a->head.volumes, size[k], &a->head.volumes))
             return refuse(a, ERROR_INPUT_DAMAGED, "claims more volumes than can be counted");
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
-    if (!type_of_nifti(a, n->datatype)) return false;
-    place_of_nifti(a, n);
+    if (!type_of_nifti(a, n->datatype) || (n->sform_code <= 0 && n->qform_code > 0 && !check_qform(a, h)))
+        return false;
+    place_of_nifti(a, n, h->pixdim);
     scale_of_nifti(a, n);
     a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
     a->head.encoding = h->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;

@@ -8,6 +8,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
+
+#include "io/volumes/file_pattern.h"
 
 enum { WORD_SIZE = 64 };
 
@@ -17,10 +20,24 @@ typedef struct fields {
     double size[3], spacing[3], element_size[3], origin[3], turn[9], center[3];
     bool big_endian, packed, binary;
     char type[WORD_SIZE], unit[WORD_SIZE], orientation[WORD_SIZE];
-    char bad[WORD_SIZE]; /* name of a field that has too few numbers, or "" */
 } fields;
 
-/* Names of the fields; some fields have several. */
+enum { TEXT_SIZE = 256, ALIASES_MOST = 24, UNUSED_NAMES = 160 };
+
+/* What was read of a header so far. */
+typedef struct parsing {
+    fields fields;
+    /* the fields that were set: their places in `fields`, keys and values as they are in the file */
+    struct {
+        size_t offset;
+        char key[WORD_SIZE], value[TEXT_SIZE];
+    } set[ALIASES_MOST];
+    int count;
+    char unused[UNUSED_NAMES]; /* keys that are not known */
+    char *fault;
+} parsing;
+
+/* Names of the fields; some fields have several: the same offset. */
 static const struct {
     const char *key;
     size_t offset;
@@ -57,6 +74,10 @@ static const struct {
              {"DistanceUnits", offsetof(fields, unit)},
              {"AnatomicalOrientation", offsetof(fields, orientation)}};
 
+/* Keys of this form that do not affect samples or positions. Others may be misspelt. */
+static const char prefix[] = "Element";
+static const char *const harmless[] = {"ElementMin", "ElementMax", "ElementNBits"};
+
 static const struct {
     const char *name;
     number_type type;
@@ -78,29 +99,84 @@ bool meta_image_is(const char *text)
            strstr(text, "ElementDataFile");
 }
 
-static void take_numbers(fields *f, const char *key, const char *value, double *out, int count)
+static bool take_numbers(parsing *p, const char *key, const char *value, double *out, int count)
 {
     char *end;
-    for (int k = 0; k < count; k++, value = end) {
-        double number = strtod(value, &end);
-        if (end == value) {
-            snprintf(f->bad, sizeof f->bad, "%s", key);
-            return;
-        }
+    const char *at = value;
+    for (int k = 0; k < count; k++, at = end) {
+        double number = strtod(at, &end);
+        if (end == at)
+            return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
+                            "its field %.63s has too few numbers (%.60s): it is damaged. Correct the header.",
+                            key, value) < 0;
         out[k] = number;
     }
+    if (p->fields.dimensions > 3 || !at[strspn(at, " \t")]) return true; /* check() refuses four dimensions */
+    return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
+                    "its field %.63s has more than %d number%s (%.60s): it is damaged. Correct the header.",
+                    key, count, count == 1 ? "" : "s", value) < 0;
 }
 
-static void take(fields *f, const char *key, const char *value)
+static bool take_switch(parsing *p, const char *key, const char *value, bool *out)
 {
+    *out = strcasecmp(value, "true") == 0 || strcmp(value, "1") == 0;
+    if (*out || strcasecmp(value, "false") == 0 || strcmp(value, "0") == 0) return true;
+    return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
+                    "its field %.63s is \"%.40s\", and only True and False are valid: correct the header",
+                    key, value) < 0;
+}
+
+/* Notes that a field is set. Refuses a second value that is another, also by another name of the field. */
+static bool note_set(parsing *p, size_t offset, const char *key, const char *value)
+{
+    for (int k = 0; k < p->count; k++)
+        if (p->set[k].offset == offset && strncmp(p->set[k].value, value, TEXT_SIZE - 1) != 0)
+            return snprintf(
+                       p->fault, META_IMAGE_FAULT_SIZE,
+                       "its fields %.63s = %.50s and %.63s = %.50s contradict each other: remove the wrong one",
+                       p->set[k].key, p->set[k].value, key, value) < 0;
+    if (p->count == ALIASES_MOST) return true; /* each was compared with the first ones */
+    p->set[p->count].offset = offset;
+    snprintf(p->set[p->count].key, WORD_SIZE, "%s", key);
+    snprintf(p->set[p->count++].value, TEXT_SIZE, "%s", value);
+    return true;
+}
+
+/* Notes a key that looks like one of the format and is not known. Other keys are those of users. */
+static void note_unused(parsing *p, const char *key)
+{
+    const size_t used = strlen(p->unused);
+    bool is_suspect = strncasecmp(key, prefix, sizeof prefix - 1) == 0;
+    for (size_t k = 0; k < sizeof harmless / sizeof *harmless; k++)
+        is_suspect = is_suspect && strcmp(key, harmless[k]) != 0;
+    for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++)
+        is_suspect = is_suspect || strcasecmp(key, numbers[k].key) == 0;
+    for (size_t k = 0; k < sizeof switches / sizeof *switches; k++)
+        is_suspect = is_suspect || strcasecmp(key, switches[k].key) == 0;
+    if (is_suspect && used + strlen(key) + 3 <= sizeof p->unused)
+        snprintf(p->unused + used, sizeof p->unused - used, "%s%s", used ? ", " : "", key);
+}
+
+/* Takes a field. False: it is refused. */
+static bool take(parsing *p, const char *key, const char *value)
+{
+    char *const base = (char *)&p->fields;
     for (size_t k = 0; k < sizeof numbers / sizeof *numbers; k++)
         if (strcmp(key, numbers[k].key) == 0)
-            take_numbers(f, key, value, (double *)(void *)((char *)f + numbers[k].offset), numbers[k].count);
+            return note_set(p, numbers[k].offset, key, value) &&
+                   take_numbers(p, key, value, (double *)(void *)(base + numbers[k].offset),
+                                numbers[k].count);
     for (size_t k = 0; k < sizeof switches / sizeof *switches; k++)
         if (strcmp(key, switches[k].key) == 0)
-            *((bool *)f + switches[k].offset) = *value == 'T' || *value == 't' || *value == '1';
+            return note_set(p, switches[k].offset, key, value) &&
+                   take_switch(p, key, value, (bool *)(base + switches[k].offset));
     for (size_t k = 0; k < sizeof words / sizeof *words; k++)
-        if (strcmp(key, words[k].key) == 0) snprintf((char *)f + words[k].offset, WORD_SIZE, "%s", value);
+        if (strcmp(key, words[k].key) == 0) {
+            snprintf(base + words[k].offset, WORD_SIZE, "%s", value);
+            return note_set(p, words[k].offset, key, value);
+        }
+    note_unused(p, key);
+    return true;
 }
 
 static bool is_between(double value, double low, double high)
@@ -122,10 +198,6 @@ static bool check(const fields *f, char fault[META_IMAGE_FAULT_SIZE], error_code
         return snprintf(fault, META_IMAGE_FAULT_SIZE,
                         "the file has BinaryData = False and HeaderSize = -1, which needs binary data") < 0;
     *code = ERROR_INPUT_DAMAGED;
-    if (*f->bad)
-        return snprintf(fault, META_IMAGE_FAULT_SIZE,
-                        "its field %.63s has too few numbers: it is damaged. Correct the header.",
-                        f->bad) < 0;
     if (!is_between(f->channels, 1, 4))
         return snprintf(fault, META_IMAGE_FAULT_SIZE, "claims %g values at each sample: 1 to 4 are read",
                         f->channels) < 0;
@@ -218,6 +290,14 @@ static char *trim(char *text)
     return text + strspn(text, " \t");
 }
 
+/* Whether the value is a pattern of file names: FORMAT [MIN [MAX [STEP]]]. */
+static bool is_numbered(const char *value)
+{
+    char pattern[TEXT_SIZE];
+    return snprintf(pattern, sizeof pattern, "%.*s", (int)strcspn(value, " \t"), value) < TEXT_SIZE &&
+           file_pattern_is(pattern);
+}
+
 /* Sets *out from the fields. `at`: offset of the data after the field ElementDataFile, which is the last
  * one. */
 static bool describe(const fields *f, const char *value, int64_t at, volume_header *out,
@@ -225,7 +305,7 @@ static bool describe(const fields *f, const char *value, int64_t at, volume_head
 {
     const bool local =
         strcmp(value, "LOCAL") == 0 || strcmp(value, "Local") == 0 || strcmp(value, "local") == 0;
-    if (strncmp(value, "LIST", 4) == 0 || strchr(value, '%')) {
+    if (strncmp(value, "LIST", 4) == 0 || is_numbered(value)) {
         *code = ERROR_INPUT_UNSUPPORTED;
         snprintf(fault, META_IMAGE_FAULT_SIZE, "the file is a MetaImage in many files: save it as one");
         return false;
@@ -246,13 +326,14 @@ static bool describe(const fields *f, const char *value, int64_t at, volume_head
 bool meta_image_parse(const char *text, volume_header *out, char name[META_IMAGE_NAME_SIZE],
                       char fault[META_IMAGE_FAULT_SIZE], error_code *code)
 {
-    fields f = {.channels = 1,
-                .slope = 1,
-                .size = {NAN, NAN, NAN},
-                .spacing = {NAN, NAN, NAN},
-                .element_size = {NAN, NAN, NAN},
-                .turn = {1, 0, 0, 0, 1, 0, 0, 0, 1},
-                .binary = true};
+    parsing p = {.fields = {.channels = 1,
+                            .slope = 1,
+                            .size = {NAN, NAN, NAN},
+                            .spacing = {NAN, NAN, NAN},
+                            .element_size = {NAN, NAN, NAN},
+                            .turn = {1, 0, 0, 0, 1, 0, 0, 0, 1},
+                            .binary = true},
+                 .fault = fault};
     const char *at = text;
     *code = ERROR_INPUT_DAMAGED;
     for (const char *end; (end = strchr(at, '\n')); at = end + 1) {
@@ -269,10 +350,13 @@ bool meta_image_parse(const char *text, volume_header *out, char name[META_IMAGE
         snprintf(value, sizeof value, "%.*s", (int)(whole ? end - equals - 1 : 0), equals + 1);
         const char *name_of_field = trim(key), *meant = trim(value);
         if (strcmp(name_of_field, "ElementDataFile") == 0) {
-            if (whole) return describe(&f, meant, end + 1 - text, out, name, fault, code);
-            break;
+            if (!whole) break;
+            if (!describe(&p.fields, meant, end + 1 - text, out, name, fault, code)) return false;
+            if (*p.unused)
+                dense_warn(&out->warnings, "The header's fields %s are not known and not used.", p.unused);
+            return true;
         }
-        take(&f, name_of_field, meant);
+        if (!take(&p, name_of_field, meant)) return false;
     }
     snprintf(fault, META_IMAGE_FAULT_SIZE,
              "its header does not state where its data are: it is damaged or truncated. Save it "

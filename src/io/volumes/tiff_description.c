@@ -56,57 +56,120 @@ static void copy_unit(const char *from, char to[TIFF_UNIT_SIZE])
 
 /* ---- ImageJ: a line for each `key=value` */
 
-static bool number_of_line(const char *line, const char *key, double *out)
+/* The keys that are read: each has a number, or the name of a unit. Other keys (loop, min, max, mode, ...) tell how
+ * the image is displayed. */
+enum {
+    IMAGES,
+    SLICES,
+    CHANNELS,
+    FRAMES,
+    SPACING,
+    XORIGIN,
+    YORIGIN,
+    ZORIGIN,
+    NUMBERS,
+    UNIT = NUMBERS,
+    YUNIT,
+    ZUNIT,
+    KEYS
+};
+
+static const char *const keys[KEYS] = {"images",  "slices",  "channels", "frames", "spacing", "xorigin",
+                                       "yorigin", "zorigin", "unit",     "yunit",  "zunit"};
+
+typedef struct imagej {
+    bool is_there[KEYS];
+    char value[KEYS][2 * TIFF_UNIT_SIZE];
+} imagej;
+
+/* Stores the value of a line, if its key is one of `keys`. Refuses a key that has two different values. */
+static bool read_line(imagej *to, const char *line, char *fault)
 {
-    const size_t length = strlen(key);
-    if (strncmp(line, key, length) != 0 || line[length] != '=') return false;
-    char *end;
-    const double value = strtod(line + length + 1, &end);
-    if (end == line + length + 1 || !isfinite(value)) return false;
-    *out = value;
+    const size_t length = strcspn(line, "\r\n"), name = strcspn(line, "=\r\n");
+    if (name >= length) return true;
+    for (size_t k = 0; k < KEYS; k++) {
+        char value[2 * TIFF_UNIT_SIZE];
+        if (strlen(keys[k]) != name || strncmp(line, keys[k], name) != 0) continue;
+        snprintf(value, sizeof value, "%.*s", (int)(length - name - 1), line + name + 1);
+        if (to->is_there[k] && strcmp(to->value[k], value) != 0)
+            return snprintf(
+                       fault, TIFF_FAULT_SIZE,
+                       "ImageJ's description has %s twice, as \"%.40s\" and as \"%.40s\": remove one of them",
+                       keys[k], to->value[k], value) < 0;
+        strcpy(to->value[k], value);
+        to->is_there[k] = true;
+    }
     return true;
 }
 
-static int64_t count_of(double number)
+/* Reads numbers to their end, so that "2,5" is not 2. */
+static bool read_numbers(const imagej *from, double number[NUMBERS], char *fault)
 {
-    return number >= 1 && number <= most_pages ? (int64_t)number : 1;
+    for (size_t k = 0; k < NUMBERS; k++) {
+        char *end;
+        if (!from->is_there[k]) continue;
+        number[k] = strtod(from->value[k], &end);
+        if (end == from->value[k] || end[strspn(end, " \t")] || !isfinite(number[k]))
+            return snprintf(
+                       fault, TIFF_FAULT_SIZE,
+                       "ImageJ's description has %s=%.40s, which is not a number: correct it (with a decimal "
+                       "point), as in %s=2.5",
+                       keys[k], from->value[k], keys[k]) < 0;
+        if (k < SPACING && !(number[k] >= 1 && number[k] <= most_pages && number[k] == floor(number[k])))
+            return snprintf(
+                       fault, TIFF_FAULT_SIZE,
+                       "ImageJ's description has %s=%.40s, which is not a number of pages from 1 to %.0f",
+                       keys[k], from->value[k], most_pages) < 0;
+    }
+    return true;
 }
 
-static void describe_imagej(const char *text, tiff_description *out, dense_warnings *warnings)
+/* The width of a voxel is in `unit`, its height in `yunit` and its depth in `zunit`, where these are present. */
+static bool read_units(const imagej *from, tiff_description *out, char *fault)
 {
-    double images = 1, slices = 0, channels = 1, frames = 1, spacing = 0;
+    copy_unit(from->value[UNIT], out->unit);
+    for (int k = 0; k < 3; k++) {
+        char unit[TIFF_UNIT_SIZE];
+        const char *own = from->value[UNIT + k];
+        out->in_unit[k] = 1;
+        if (k == 0 || !*own) continue;
+        copy_unit(own, unit);
+        if (strcmp(unit, out->unit) == 0) continue;
+        const double metres = metres_of(unit), first = metres_of(out->unit);
+        if (!(metres > 0 && first > 0))
+            return snprintf(
+                       fault, TIFF_FAULT_SIZE,
+                       "ImageJ's description has %s \"%.40s\" beside unit \"%.40s\", which are not converted "
+                       "into each other: save the file with one unit",
+                       keys[UNIT + k], own, from->value[UNIT]) < 0;
+        out->in_unit[k] = ratio_of(metres, first);
+    }
+    return true;
+}
+
+static bool describe_imagej(const char *text, tiff_description *out, char *fault)
+{
+    imagej lines = {0};
+    double number[NUMBERS] = {[IMAGES] = 1, [CHANNELS] = 1, [FRAMES] = 1};
     out->kind = "ImageJ";
     for (const char *line = text; line; line = strchr(line, '\n')) {
         line += *line == '\n';
-        number_of_line(line, "images", &images);
-        number_of_line(line, "slices", &slices);
-        number_of_line(line, "channels", &channels);
-        number_of_line(line, "frames", &frames);
-        number_of_line(line, "spacing", &spacing);
-        number_of_line(line, "xorigin", &out->origin[0]);
-        number_of_line(line, "yorigin", &out->origin[1]);
-        number_of_line(line, "zorigin", &out->origin[2]);
-        if (strncmp(line, "unit=", 5) == 0) {
-            char word[2 * TIFF_UNIT_SIZE];
-            snprintf(word, sizeof word, "%.*s", (int)strcspn(line + 5, "\r\n"), line + 5);
-            copy_unit(word, out->unit);
-        }
+        if (!read_line(&lines, line, fault)) return false;
     }
-    out->images = count_of(images);
-    out->channels = count_of(channels);
-    out->frames = count_of(frames);
-    out->slices = slices > 0 ? count_of(slices) : out->channels * out->frames > 1 ? 1 : out->images;
-    if (out->slices == 1 && out->frames > 1) {
-        dense_warn(warnings, "the file has %lld frames of one slice each: the frames are used as slices",
-                   (long long)out->frames);
-        out->slices = out->frames;
-        out->frames = 1;
-    }
+    if (!read_numbers(&lines, number, fault) || !read_units(&lines, out, fault)) return false;
+    for (int k = 0; k < 3; k++) out->origin[k] = number[XORIGIN + k];
+    out->images = (int64_t)number[IMAGES];
+    out->channels = (int64_t)number[CHANNELS];
+    out->frames = (int64_t)number[FRAMES];
+    out->slices = number[SLICES] > 0                ? (int64_t)number[SLICES]
+                  : out->channels * out->frames > 1 ? 1
+                                                    : out->images;
     out->channel_step = 1;
     out->slice_step = out->channels;
     out->frame_step = out->channels * out->slices;
-    out->size[2] = fabs(spacing);
-    if (out->size[2] == 0 && *out->unit) out->size[2] = 1; /* ImageJ omits a distance of 1 */
+    out->size[2] = fabs(number[SPACING]) * out->in_unit[2];
+    if (out->size[2] == 0 && *out->unit) out->size[2] = out->in_unit[2]; /* ImageJ omits a distance of 1 */
+    return true;
 }
 
 /* ---- OME-XML */
@@ -170,7 +233,13 @@ static void read_sizes(ome *o, const char **attributes)
         const char *text = xml_attribute(attributes, names[k]);
         char unit_name[24], unit[TIFF_UNIT_SIZE], *end = NULL;
         const double size = text ? strtod(text, &end) : 0;
-        if (!text || *end || !(size > 0) || !isfinite(size)) continue;
+        if (!text) continue;
+        if (*end || !(size > 0) || !isfinite(size)) {
+            dense_warn(o->warnings,
+                       "%s of its OME-XML is \"%.40s\", which is not a positive number: it is ignored",
+                       names[k], text);
+            continue;
+        }
         snprintf(unit_name, sizeof unit_name, "%sUnit", names[k]);
         const char *said = xml_attribute(attributes, unit_name);
         copy_unit(said ? said : "um", unit);
@@ -208,8 +277,9 @@ static void check_plane(ome *o, const char **attributes)
                                  xml_attribute(attributes, "FirstC"), xml_attribute(attributes, "FirstT")};
     long long number[4];
     for (int k = 0; k < 4; k++) {
-        number[k] = text[k] ? strtoll(text[k], NULL, 10) : 0;
-        if (number[k] < 0 || number[k] > (long long)most_pages) number[k] = -1;
+        char *end = "";
+        number[k] = text[k] ? strtoll(text[k], &end, 10) : 0;
+        if (*end || number[k] < 0 || number[k] > (long long)most_pages) number[k] = -1;
     }
     const tiff_description *d = o->out;
     if (text[0] &&
@@ -253,13 +323,29 @@ static bool describe_ome(const char *text, tiff_description *out, dense_warnings
     return true;
 }
 
+/* A file with one slice at each time, or in each channel, holds a volume only if these are its slices: a program
+ * that does not write the axis has saved a stack as one of the others. */
+static void use_other_axis_as_slices(tiff_description *d, dense_warnings *warnings)
+{
+    const bool by_time = d->frames > 1;
+    int64_t *count = by_time ? &d->frames : &d->channels, *step = by_time ? &d->frame_step : &d->channel_step;
+    if (!d->kind || d->slices > 1 || *count < 2) return;
+    dense_warn(warnings, "the file has %lld %s of one slice each: the %s are used as slices",
+               (long long)*count, by_time ? "frames" : "channels", by_time ? "frames" : "channels");
+    d->slices = *count;
+    d->slice_step = *step;
+    *count = 1;
+}
+
 bool tiff_describe(const char *text, tiff_description *out, dense_warnings *warnings,
                    char fault[TIFF_FAULT_SIZE])
 {
-    *out = (tiff_description){0};
+    *out = (tiff_description){.in_unit = {1, 1, 1}};
     *fault = 0;
-    if (strncmp(text, "ImageJ=", 7) == 0) describe_imagej(text, out, warnings);
+    bool ok = true;
+    if (strncmp(text, "ImageJ=", 7) == 0) ok = describe_imagej(text, out, fault);
     if ((strncmp(text, "<?xml", 5) == 0 || strncmp(text, "<OME", 4) == 0) && strstr(text, "<OME"))
-        return describe_ome(text, out, warnings, fault);
-    return true;
+        ok = describe_ome(text, out, warnings, fault);
+    if (ok) use_other_axis_as_slices(out, warnings);
+    return ok;
 }

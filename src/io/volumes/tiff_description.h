@@ -22,11 +22,12 @@ typedef struct tiff_description {
     /* distance, in pages, between consecutive slices, channels, frames */
     int64_t slice_step, channel_step, frame_step;
     double size[3];            /* of a voxel; 0: unknown */
+    double in_unit[3];         /* factors: sizes along each axis, as stored in the file, to `unit`; ImageJ */
     double origin[3];          /* pixel at the origin of the world, ImageJ */
     char unit[TIFF_UNIT_SIZE]; /* unit of `size`; "": unknown */
 } tiff_description;
 
-/* False, with a message in `fault`: the text is OME-XML that is not valid or not supported. */
+/* False, with a message in `fault`: the text is not valid or not supported. */
 bool tiff_describe(const char *text, tiff_description *out, dense_warnings *warnings,
                    char fault[TIFF_FAULT_SIZE]);
 

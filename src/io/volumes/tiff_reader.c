@@ -30,7 +30,12 @@ static const size_t most_pages = 1 << 20;
 /* Properties that all pages of a file must share. */
 typedef struct layout {
     uint32_t width, height;
-    uint16_t bits, format, compression;
+    uint16_t bits, format, compression; /* compressions may differ */
+    uint16_t orientation;
+    bool white_is_zero; /* large numbers are dark */
+    /* where the pixels are: the tags of resolution and position; 0: absent */
+    float placing[4];
+    uint16_t unit;
 } layout;
 
 typedef struct tiff_file {
@@ -48,6 +53,7 @@ typedef struct tiff_file {
     bool is_contiguous;  /* the file has one directory, and the numbers of all pages are consecutive */
     uint64_t first_byte; /* offset of these numbers */
     size_t reduced;      /* number of skipped pages of reduced resolution */
+    bool is_placing_warned;
     dense_warnings warnings;
     error fault;
     char complaint[256]; /* the first message of the library */
@@ -188,10 +194,14 @@ static const char *format_name(uint16_t format)
 /* Reads the layout of the current directory. Refuses pages with more than one sample per pixel. */
 static bool read_layout(tiff_file *f, size_t page, layout *out)
 {
-    uint16_t samples = 1, photometric = PHOTOMETRIC_MINISBLACK, orientation = ORIENTATION_TOPLEFT;
+    static const uint32_t placing[4] = {TIFFTAG_XRESOLUTION, TIFFTAG_YRESOLUTION, TIFFTAG_XPOSITION,
+                                        TIFFTAG_YPOSITION};
+    uint16_t samples = 1, photometric = PHOTOMETRIC_MINISBLACK;
     uint32_t depth = 1;
     bool known;
     *out = (layout){0};
+    for (int k = 0; k < 4; k++) TIFFGetField(f->tiff, placing[k], &out->placing[k]);
+    TIFFGetFieldDefaulted(f->tiff, TIFFTAG_RESOLUTIONUNIT, &out->unit);
     TIFFGetField(f->tiff, TIFFTAG_IMAGEWIDTH, &out->width);
     TIFFGetField(f->tiff, TIFFTAG_IMAGELENGTH, &out->height);
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_BITSPERSAMPLE, &out->bits);
@@ -200,7 +210,8 @@ static bool read_layout(tiff_file *f, size_t page, layout *out)
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_SAMPLESPERPIXEL, &samples);
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_IMAGEDEPTH, &depth);
     TIFFGetField(f->tiff, TIFFTAG_PHOTOMETRIC, &photometric);
-    TIFFGetFieldDefaulted(f->tiff, TIFFTAG_ORIENTATION, &orientation);
+    TIFFGetFieldDefaulted(f->tiff, TIFFTAG_ORIENTATION, &out->orientation);
+    out->white_is_zero = photometric == PHOTOMETRIC_MINISWHITE;
     if (out->format == SAMPLEFORMAT_VOID) out->format = SAMPLEFORMAT_UINT;
     if (out->width == 0 || out->height == 0) return damaged(f, "a page has no pixels");
     if (samples != 1)
@@ -222,18 +233,59 @@ static bool read_layout(tiff_file *f, size_t page, layout *out)
                       "page %zu has the compression %u, which is not read: save it with LZW or Deflate "
                       "(`tiffcp -c lzw FILE OUT` converts it)",
                       page, out->compression);
-    if (page == 0 && photometric == PHOTOMETRIC_MINISWHITE)
-        dense_warn(&f->warnings, "PhotometricInterpretation is WhiteIsZero: the numbers of the file are used "
-                                 "and not inverted");
-    if (page == 0 && orientation != ORIENTATION_TOPLEFT)
-        dense_warn(&f->warnings, "Orientation is %u and is ignored: the first row of the file is row 0",
-                   orientation);
     return true;
 }
 
 static bool is_same(const layout *a, const layout *b)
 {
-    return a->width == b->width && a->height == b->height && a->bits == b->bits && a->format == b->format;
+    return a->width == b->width && a->height == b->height && a->bits == b->bits && a->format == b->format &&
+           a->orientation == b->orientation && a->white_is_zero == b->white_is_zero;
+}
+
+/* Refuses the page if its numbers do not have the meaning of those of page 0. */
+static bool check_page(tiff_file *f, size_t page, const layout *own)
+{
+    const layout *first = &f->layout;
+    if (own->width != first->width || own->height != first->height || own->bits != first->bits ||
+        own->format != first->format)
+        return refuse(
+            f, ERROR_INPUT_UNSUPPORTED,
+            "page %zu has %u x %u pixels of %u bits (%s), and page 0 has %u x %u of %u bits (%s): save pages "
+            "of one size and type",
+            page, own->width, own->height, own->bits, format_name(own->format), first->width, first->height,
+            first->bits, format_name(first->format));
+    if (own->orientation != first->orientation)
+        return refuse(
+            f, ERROR_INPUT_UNSUPPORTED,
+            "page %zu has the Orientation %u, and page 0 has %u: save all pages with one Orientation", page,
+            own->orientation, first->orientation);
+    if (own->white_is_zero != first->white_is_zero)
+        return refuse(
+            f, ERROR_INPUT_UNSUPPORTED,
+            "PhotometricInterpretation of page %zu is %sWhiteIsZero, and that of page 0 is %s: save all pages "
+            "with one",
+            page, own->white_is_zero ? "" : "not ", own->white_is_zero ? "not" : "WhiteIsZero");
+    if (!f->is_placing_warned &&
+        (memcmp(own->placing, first->placing, sizeof own->placing) != 0 || own->unit != first->unit)) {
+        dense_warn(
+            &f->warnings,
+            "page %zu has another resolution or position (tags XResolution, YResolution, XPosition, YPosition) "
+            "than page 0: those of page 0 are used for all pages",
+            page);
+        f->is_placing_warned = true;
+    }
+    return true;
+}
+
+/* Warns about tags that all pages have and that are not applied. */
+static void warn_of_layout(tiff_file *f)
+{
+    if (f->layout.white_is_zero)
+        dense_warn(&f->warnings, "PhotometricInterpretation is WhiteIsZero: the numbers of the file are used "
+                                 "and not inverted");
+    if (f->layout.orientation != ORIENTATION_TOPLEFT)
+        dense_warn(&f->warnings, "Orientation is %u and is ignored: the first row of the file is row 0",
+                   f->layout.orientation);
 }
 
 /* Whether the current directory is a reduced image or a transparency mask. */
@@ -244,18 +296,20 @@ static bool is_reduced(const tiff_file *f)
     return (kind & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) != 0;
 }
 
+/* The entries of a directory as they are in the file. */
+typedef struct directory_entries {
+    uint64_t first, count; /* offset of the first entry, number of entries */
+    size_t bytes;          /* of an entry */
+    bool is_little;        /* byte order */
+} directory_entries;
+
 /* Adds the current directory as the next page. */
 static bool add_page(tiff_file *f)
 {
     layout own;
     if (!read_layout(f, f->count, &own)) return false;
     if (f->count == 0) f->layout = own;
-    if (!is_same(&own, &f->layout))
-        return refuse(f, ERROR_INPUT_UNSUPPORTED,
-                      "page %zu has %u x %u pixels of %u bits, and page 0 has %u x %u of %u bits: save pages "
-                      "of one size and type",
-                      f->count, own.width, own.height, own.bits, f->layout.width, f->layout.height,
-                      f->layout.bits);
+    if (!check_page(f, f->count, &own)) return false;
     if (f->count == most_pages)
         return refuse(f, ERROR_INPUT_UNSUPPORTED, "the file has more than %zu pages: cut it into parts",
                       most_pages);
@@ -270,20 +324,46 @@ static bool add_page(tiff_file *f)
     return true;
 }
 
-/* Whether the file has a complete directory. The library accepts a directory whose last field, the offset of
- * the next one, is missing, as the last directory. */
-static bool is_whole(const tiff_file *f, uint64_t directory)
+/* Reads the head of a directory. False: the file ends before the offset of the next directory, which the library
+ * accepts in the last directory. */
+static bool read_entries(const tiff_file *f, uint64_t directory, directory_entries *out)
 {
     unsigned char head[8];
-    uint64_t count = 0;
+    *out = (directory_entries){0};
     if (transfer_read_at(f->fd, head, sizeof head, 0) != sizeof head) return false;
-    const bool is_little = head[0] == 'I', is_big_file = (is_little ? head[2] : head[3]) == 43;
+    out->is_little = head[0] == 'I';
+    const bool is_big_file = (out->is_little ? head[2] : head[3]) == 43;
     const uint64_t size = is_big_file ? 8 : 2;
     if (directory > (uint64_t)f->bytes || transfer_read_at(f->fd, head, size, directory) != (int64_t)size)
         return false;
-    for (uint64_t k = 0; k < size; k++) count = count << 8 | head[is_little ? size - 1 - k : k];
-    const uint64_t after = directory + size, entry = is_big_file ? 20 : 12, link = is_big_file ? 8 : 4;
-    return count <= (uint64_t)f->bytes && after + count * entry + link <= (uint64_t)f->bytes;
+    for (uint64_t k = 0; k < size; k++)
+        out->count = out->count << 8 | head[out->is_little ? size - 1 - k : k];
+    out->first = directory + size;
+    out->bytes = is_big_file ? 20 : 12;
+    return out->count <= (uint64_t)f->bytes &&
+           out->first + out->count * out->bytes + (is_big_file ? 8 : 4) <= (uint64_t)f->bytes;
+}
+
+/* Refuses a tag with two entries, of which the library uses the first. */
+static bool check_entries(tiff_file *f, uint64_t directory)
+{
+    directory_entries d;
+    if (!read_entries(f, directory, &d) || d.count > UINT16_MAX)
+        return damaged(f, "a directory of the file is damaged");
+    unsigned char *bytes = malloc(d.count * d.bytes + 1), seen[(UINT16_MAX + 1) / 8] = {0};
+    bool ok =
+        bytes && transfer_read_at(f->fd, bytes, d.count * d.bytes, d.first) == (int64_t)(d.count * d.bytes);
+    if (!ok) damaged(f, "a directory of the file is damaged");
+    for (uint64_t k = 0; ok && k < d.count; k++) {
+        const unsigned char *entry = bytes + k * d.bytes;
+        const unsigned tag = d.is_little ? entry[0] | entry[1] << 8 : entry[1] | entry[0] << 8;
+        if (seen[tag / 8] >> tag % 8 & 1)
+            ok = refuse(f, ERROR_INPUT_DAMAGED, "page %zu has the tag %u twice: save the file again",
+                        f->count, tag);
+        seen[tag / 8] |= (unsigned char)(1u << tag % 8);
+    }
+    free(bytes);
+    return ok;
 }
 
 static bool list_pages(tiff_file *f)
@@ -293,14 +373,15 @@ static bool list_pages(tiff_file *f)
         last = TIFFCurrentDirOffset(f->tiff);
         if (is_reduced(f))
             f->reduced++;
-        else if (!add_page(f))
+        else if (!check_entries(f, last) || !add_page(f))
             return false;
     } while (TIFFReadDirectory(f->tiff));
-    if (*f->complaint || !is_whole(f, last)) return damaged(f, "a directory of the file is damaged");
+    if (*f->complaint) return damaged(f, "a directory of the file is damaged");
     if (f->count == 0)
         return refuse(
             f, ERROR_INPUT_UNSUPPORTED,
             "the file has only images of reduced resolution and masks: save it with its full images");
+    warn_of_layout(f);
     if (f->reduced > 0)
         dense_warn(&f->warnings, "%zu pages of reduced resolution or of masks are skipped", f->reduced);
     return true;
@@ -357,14 +438,14 @@ static void read_size(tiff_file *f)
     uint16_t unit = RESUNIT_NONE;
     memcpy(f->size, d->size, sizeof f->size);
     memcpy(f->unit, d->unit, sizeof f->unit);
-    if (d->size[0] > 0 || d->size[1] > 0) return;
+    if (d->size[0] > 0 || d->size[1] > 0) return; /* OME-XML */
     TIFFGetField(f->tiff, TIFFTAG_XRESOLUTION, &x);
     TIFFGetField(f->tiff, TIFFTAG_YRESOLUTION, &y);
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_RESOLUTIONUNIT, &unit);
     const bool are_positive = x > 0 && y > 0 && isfinite(x) && isfinite(y);
     if (!are_positive || (x == 1 && y == 1 && unit == RESUNIT_NONE && !*f->unit)) return;
-    f->size[0] = 1 / (double)x;
-    f->size[1] = 1 / (double)y;
+    f->size[0] = 1 / (double)x * d->in_unit[0];
+    f->size[1] = 1 / (double)y * d->in_unit[1];
     if (!*f->unit) strcpy(f->unit, unit == RESUNIT_INCH ? "inch" : unit == RESUNIT_CENTIMETER ? "cm" : "");
 }
 
@@ -534,8 +615,7 @@ static unsigned char *read_page(tiff_file *f, uint32_t page)
     else
         ok = (TIFFSetSubDirectory(f->tiff, f->offset[page]) ||
               damaged(f, "the directory of a page is damaged")) &&
-             read_layout(f, page + 1, &own) &&
-             (is_same(&own, &f->layout) || damaged(f, "a page has changed")) &&
+             read_layout(f, page, &own) && (is_same(&own, &f->layout) || damaged(f, "a page has changed")) &&
              (TIFFIsTiled(f->tiff) ? read_tiles(f, to) : read_strips(f, to));
     if (ok) return to;
     free(to);
@@ -560,6 +640,8 @@ static void describe(const tiff_file *f, tiff_answer *a)
     memcpy(a->size, f->size, sizeof a->size);
     memcpy(a->origin, d->origin, sizeof a->origin);
     memcpy(a->unit, f->unit, sizeof a->unit);
+    a->orientation = f->layout.orientation;
+    a->white_is_zero = f->layout.white_is_zero;
     a->warnings = f->warnings;
 }
 

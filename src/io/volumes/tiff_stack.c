@@ -31,8 +31,9 @@ typedef struct tiff_stack {
     tiff_answer head;        /* answer for the first file */
     int64_t first_page;      /* index of the volume's first page */
     int64_t at;              /* index of the next slice */
-    int64_t opened;          /* index of the file that is open in the process, or -1 */
-    unsigned char *numbers;  /* buffer for the numbers of a page */
+    bool is_size_warned;
+    int64_t opened;         /* index of the file that is open in the process, or -1 */
+    unsigned char *numbers; /* buffer for the numbers of a page */
     reader reader;
 } tiff_stack;
 
@@ -107,6 +108,17 @@ static bool open_file(tiff_stack *s, int64_t k, tiff_answer *a, error *e)
 static bool is_alike(const tiff_answer *a, const tiff_answer *b)
 {
     return a->width == b->width && a->height == b->height && a->type == b->type;
+}
+
+static bool is_shown_alike(const tiff_answer *a, const tiff_answer *b)
+{
+    return a->orientation == b->orientation && a->white_is_zero == b->white_is_zero;
+}
+
+static const char *base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
 }
 
 /* Reads the numbers of a page of the open file. */
@@ -259,6 +271,20 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
             e, ERROR_INPUT_UNSUPPORTED,
             "%s: the file has %lld pages, and a slice has one: name the file as path without slices",
             s->params.paths[k], (long long)a.pages);
+    if (is_alike(&a, &s->head) && !is_shown_alike(&a, &s->head))
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "%s: Orientation and WhiteIsZero of the image are %u and %s, and those of %s are %u and %s: save "
+            "all images with the same",
+            s->params.paths[k], a.orientation, a.white_is_zero ? "set" : "not set", s->params.paths[0],
+            s->head.orientation, s->head.white_is_zero ? "set" : "not set");
+    if (!s->is_size_warned &&
+        (memcmp(a.size, s->head.size, sizeof a.size) != 0 || strcmp(a.unit, s->head.unit) != 0)) {
+        dense_warn(&s->head.warnings,
+                   "%.60s has another size of pixels than %.60s, whose size is used for all images",
+                   base_name(s->params.paths[k]), base_name(s->params.paths[0]));
+        s->is_size_warned = true;
+    }
     return is_alike(&a, &s->head) ||
            error_set(e, ERROR_INPUT_UNSUPPORTED,
                      "%s: the image has %lld x %lld pixels of %s, and others have %lld x %lld of %s: save "

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 /* More than a header can cause, since each warning is given once. */
-enum { DENSE_WARNINGS_MOST = 12, DENSE_WARNING_SIZE = 256 };
+enum { DENSE_WARNINGS_MOST = 24, DENSE_WARNING_SIZE = 256 };
 
 typedef struct dense_warnings {
     uint32_t count;

@@ -134,29 +134,36 @@ static bool find_type(const reading *r, const char *name, bool by_code)
         name);
 }
 
+/* Whether a number is a value of a type. */
+static bool is_in_type(double value, number_type type)
+{
+    if (!number_is_whole(type)) return true;
+    const bool is_signed =
+        type == NUMBER_INT8 || type == NUMBER_INT16 || type == NUMBER_INT32 || type == NUMBER_INT64;
+    const int bits = 8 * (int)number_bytes(type) - is_signed;
+    return value == floor(value) && value >= (is_signed ? -ldexp(1, bits) : 0) && value < ldexp(1, bits);
+}
+
+/* Reads the fill value of an array whose type is known. */
 static bool read_fill(const reading *r, json_at fill)
 {
     static const struct {
         const char *word;
         double value;
     } words[] = {{"NaN", NAN}, {"Infinity", INFINITY}, {"-Infinity", -INFINITY}};
-    r->out->fill = 0;
-    if (!fill.node || json_type_of(fill) == JSON_NULL) return true;
-    if (json_type_of(fill) == JSON_BOOL) {
-        r->out->fill = json_bool(fill, false);
-        return true;
-    }
-    if (json_type_of(fill) == JSON_NUMBER) {
-        r->out->fill = json_number(fill, 0);
-        return true;
-    }
+    const bool is_number = json_type_of(fill) == JSON_NUMBER, is_truth = json_type_of(fill) == JSON_BOOL;
     const char *word = json_string(fill, "");
-    for (size_t k = 0; k < sizeof words / sizeof *words; k++)
+    r->out->has_fill = fill.node && json_type_of(fill) != JSON_NULL;
+    r->out->fill = is_truth ? json_bool(fill, false) : json_number(fill, 0);
+    bool is_known = !r->out->has_fill || is_number || is_truth;
+    for (size_t k = 0; !is_known && k < sizeof words / sizeof *words; k++)
         if (strcmp(word, words[k].word) == 0) {
             r->out->fill = words[k].value;
-            return true;
+            is_known = true;
         }
-    return unsupported(r, "the fill_value \"%.40s\" is not read: give a number", word);
+    if (!is_known) return unsupported(r, "the fill_value \"%.40s\" is not read: give a number", word);
+    return !r->out->has_fill || is_in_type(r->out->fill, r->out->type) ||
+           damaged(r, "the fill_value %g is not a number of the array's type: correct it", r->out->fill);
 }
 
 static bool add_codec(const reading *r, zarr_packing *p, zarr_codec codec)
@@ -350,6 +357,16 @@ static bool read_array_3(reading *r, const json *document)
            read_fill(r, json_member(&root, "fill_value"));
 }
 
+static bool is_there(const reading *r, const char *folder, const char *name)
+{
+    char path[ZARR_PATH_SIZE + 16];
+    bool is_missing;
+    snprintf(path, sizeof path, "%s%s", folder, name);
+    const int fd = r->directory->open(r->directory->context, path, &is_missing, NULL);
+    if (fd >= 0) close(fd);
+    return fd >= 0;
+}
+
 /* Reads the metadata of the array in a folder, in either version. */
 static bool read_array(reading *r, const char *folder)
 {
@@ -359,6 +376,10 @@ static bool read_array(reading *r, const char *folder)
     r->file = path;
     json *document = read_json(r->directory, path, &is_missing, r->e);
     bool ok = document && read_array_2(r, document);
+    if (ok && is_there(r, folder, "zarr.json"))
+        dense_warn(&r->out->warnings,
+                   "it has metadata of version 2 (.zarray) and of version 3 (zarr.json): those of "
+                   "version 2 are used");
     if (!document && is_missing) {
         snprintf(path, sizeof path, "%szarr.json", folder);
         document = read_json(r->directory, path, &is_missing, r->e);

@@ -35,6 +35,7 @@ typedef struct zarr_metadata {
     int stored[ZARR_AXES_MOST]; /* order of the axes in a chunk, slowest first */
     number_type type;
     bool is_swapped; /* numbers have the opposite byte order */
+    bool has_fill;   /* false: missing chunks have no defined values */
     double fill;     /* value of missing chunks */
     zarr_packing packing;
     char separator;    /* of numbers in names of chunks */

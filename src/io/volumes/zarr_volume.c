@@ -129,6 +129,17 @@ static bool find_in_shard(zarr_volume *v, uint64_t size, const int64_t chunk_at[
                "the shard ends before one of its chunks: it is damaged or truncated. Copy or save it again.");
 }
 
+/* For a chunk that is missing. */
+static bool check_fill(const zarr_volume *v, const char *name, error *e)
+{
+    return v->m.has_fill ||
+           error_set(
+               e, ERROR_INPUT_DAMAGED,
+               "%s: the chunk is missing and fill_value is null, so that its values are not defined: copy the "
+               "directory again, or set fill_value in its metadata",
+               name);
+}
+
 /* Unpacks a chunk into v->chunk. *is_there false: the chunk is missing and has the fill value. */
 static bool read_chunk(zarr_volume *v, const int64_t chunk_at[ZARR_AXES_MOST], bool *is_there, error *e)
 {
@@ -141,7 +152,7 @@ static bool read_chunk(zarr_volume *v, const int64_t chunk_at[ZARR_AXES_MOST], b
     name_file(v, file_at, name, sizeof name);
     const int file = v->params.directory->open(v->params.directory->context, name, &is_missing, e);
     *is_there = false;
-    if (file < 0) return is_missing;
+    if (file < 0) return is_missing && check_fill(v, name, e);
     bool ok = fstat(file, &st) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be examined");
     request.length = ok ? (uint64_t)st.st_size : 0;
     if (ok && v->m.is_sharded) {
@@ -152,6 +163,7 @@ static bool read_chunk(zarr_volume *v, const int64_t chunk_at[ZARR_AXES_MOST], b
     *is_there = ok && (!v->m.is_sharded || request.length > 0);
     if (*is_there) ok = ask(v, file, &request, v->chunk, e);
     close(file);
+    if (ok && !*is_there) return check_fill(v, name, e);
     return ok || error_prefix(e, "%s", name);
 }
 

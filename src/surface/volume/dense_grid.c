@@ -76,11 +76,11 @@ static void note_values(const work *w, int64_t z, uint8_t *inside, dense_grid_fa
         uint8_t *bits = inside + y * w->stride;
         for (int64_t x = 0; x < w->size[0]; x++) {
             bits[x] = row[x] > w->isovalue && row[x] != w->on;
-            if (isfinite(row[x])) {
+            if (fabs(row[x]) <= DENSE_GRID_LARGEST) {
                 facts->lowest = fmin(facts->lowest, row[x]);
                 facts->highest = fmax(facts->highest, row[x]);
-            } else if (facts->not_finite++ == 0) {
-                memcpy(facts->not_finite_at, (const int64_t[3]){x, y, z}, sizeof facts->not_finite_at);
+            } else if (facts->unusable++ == 0) {
+                memcpy(facts->unusable_at, (const int64_t[3]){x, y, z}, sizeof facts->unusable_at);
             }
         }
     }
@@ -199,7 +199,8 @@ static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
                 for (int64_t j = y; j < least(y + SIDE, w->size[1]); j++) {
                     double value = w->values[j * w->size[0] + i];
                     int bit = 8 * (int)(j & 7) + (int)(z & 7);
-                    if (!isfinite(value)) value = value > 0 ? facts->highest : facts->lowest;
+                    if (!(fabs(value) <= DENSE_GRID_LARGEST))
+                        value = value > 0 ? facts->highest : facts->lowest;
                     g->leaf_values[(size_t)n * VDB_LEAF_VOXELS + 64 * (size_t)(i & 7) + (size_t)bit] =
                         level_of(w, value);
                     g->leaf_active[(size_t)n * SIDE + (size_t)(i & 7)] |= (uint64_t)1 << bit;

@@ -12,11 +12,15 @@
 #include "io/volumes/slices.h"
 #include "io/vdb/vdb.h"
 
+/* Sums of floats of larger values could overflow. */
+#define DENSE_GRID_LARGEST 1e30
+
 typedef struct dense_grid_facts {
-    double lowest, highest; /* range of the finite values */
-    /* number of values that are not finite: NaN and -Inf count as `lowest`, Inf as `highest` */
-    uint64_t not_finite;
-    int64_t not_finite_at[3]; /* index of the first one */
+    double lowest, highest; /* range of the usable values */
+    /* Number of values that are not usable: NaN, infinite, or beyond DENSE_GRID_LARGEST, which programs write where there
+     * are no data. NaN and negative ones count as `lowest`, positive ones as `highest`. */
+    uint64_t unusable;
+    int64_t unusable_at[3]; /* index of the first one */
 } dense_grid_facts;
 
 /* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is

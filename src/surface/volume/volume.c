@@ -814,13 +814,14 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     v->info.active_voxels = l->grid->active_voxels;
     for (uint32_t k = 0; k < r->source->warnings.count; k++)
         warn(&v->info, "%s", r->source->warnings.text[k]);
-    if (facts->not_finite)
-        warn(&v->info,
-             "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf are read "
-             "as the lowest value, %g, and Inf as the highest, %g",
-             (unsigned long long)facts->not_finite, (long long)facts->not_finite_at[0],
-             (long long)facts->not_finite_at[1], (long long)facts->not_finite_at[2], facts->lowest,
-             facts->highest);
+    if (facts->unusable)
+        warn(
+            &v->info,
+            "%llu values are not finite or beyond %g, the first at (%lld, %lld, %lld): NaN and negative ones are read "
+            "as the lowest other value, %g, and positive ones as the highest, %g",
+            (unsigned long long)facts->unusable, DENSE_GRID_LARGEST, (long long)facts->unusable_at[0],
+            (long long)facts->unusable_at[1], (long long)facts->unusable_at[2], facts->lowest,
+            facts->highest);
     return true;
 }
 

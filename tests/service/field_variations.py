@@ -1,0 +1,662 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of every format, with one field varied: there twice, with text behind its number, with a decimal comma, with an unknown word, not
+finite, or other on one page, node or piece only. What the file means is known: two balls. So is what is right: these two balls, an error,
+or a new warning.
+
+As a program: `field_variations.py BUILD [--cases N] [--seed N] [--formats NAME,...]` runs N variations (0: all there are), spread evenly
+over formats and fields, prints each that gives other points without a warning, and a table by format; ends with 1 if there is any.
+`make field-variations` runs 5 000. `--list` prints the fields of each format, and how many ways of varying them there are.
+"""
+import argparse
+import base64
+import collections
+import concurrent.futures
+import json
+import os
+import pathlib
+import random
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+
+import numpy
+
+from damaged_meshes import icosphere
+from readers import Points
+from volumes import NIFTI2_FIELDS, NIFTI_FIELDS, change_nifti, write_meta_image, write_nifti, write_nrrd, write_tiff
+from zarr_files import multiscales, write_array_2, write_array_3, write_group_2, write_group_3
+
+BALLS = ((numpy.array((10.0, 12.0, 14.0)), 6.0), (numpy.array((20.0, 14.0, 9.0)), 3.0))
+AREA = sum(4 * numpy.pi * r ** 2 for _, r in BALLS)
+# of the triangles and of the voxels, with room; wrong units, axes and steps are far beyond
+AWAY, OF_AREA = 0.2, 0.04
+SIZE, STEP, ORIGIN = (26, 18, 28), numpy.array((1.0, 1.25, 0.8)), numpy.array((1.0, -0.5, 2.0))
+TIMEOUT_S = 60
+
+
+# ---- the balls, as samples and as triangles
+
+def samples(origin=ORIGIN):
+    at = numpy.stack(numpy.meshgrid(*map(numpy.arange, SIZE), indexing="ij"), -1) * STEP + origin
+    return numpy.max([r - numpy.linalg.norm(at - c, axis=-1) for c, r in BALLS], axis=0)
+
+
+def matrix(origin=ORIGIN):
+    m = numpy.diag([*STEP, 1.0])
+    m[:3, 3] = origin
+    return m
+
+
+def triangles():
+    """A list for each ball: vertices, and faces that count from 0."""
+    v, f = icosphere(3)
+    return [(v * r + c, numpy.array(f)) for c, r in BALLS]
+
+
+def joined():
+    (a, f), (b, g) = triangles()
+    return numpy.concatenate([a, b]), numpy.concatenate([f, g + len(a)])
+
+
+# ---- fields of text: (name, begin and end of the value, begin and end of what is there twice)
+
+Field = collections.namedtuple("Field", "name begin end first last")
+
+
+def lines(text, separator, most=None, of=r"[^\s:=]+"):
+    """`KEY separator VALUE` in the lines of the header."""
+    found = [Field(m[1], m.start(2), m.end(2), m.start(), m.end() + 1)
+             for m in re.finditer(rf"^({of}){separator}(.+)$", text[:most], re.MULTILINE)]
+    return found
+
+
+def attributes(text):
+    """Attributes of XML, without names of namespaces. Twice: a second attribute of the name is not XML, so the element is."""
+    return [Field(m[1], m.start(2), m.end(2), m.start(), m.end()) for m in re.finditer(r' ([\w:]+)="([^"<]*)"', text)
+            if not m[1].startswith("xmlns")]
+
+
+def members(text):
+    """Scalars and flat arrays of JSON."""
+    return [Field(m[1], m.start(2), m.end(2), m.start(), m.end())
+            for m in re.finditer(r'"(\w+)": ("[^"]{0,60}"|[-\d.e]+|true|false|null|\[[^\[\]{}]{0,200}\])', text)]
+
+
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+def other_number(value):
+    """The value with its last number replaced by another one."""
+    found = list(NUMBER.finditer(value))
+    if not found:
+        return None
+    m = found[-1]
+    number = float(m[0])
+    put = repr(number * 2 + 1) if m[1] or m[2] else str(int(number) + 1)
+    return value[:m.start()] + put + value[m.end():]
+
+
+def other_word(value):
+    return re.sub(r"[A-Za-z][\w-]*", "frobnicate", value, count=1) if re.search("[A-Za-z]", value) else None
+
+
+def replaced(value, put, last=True):
+    found = list(NUMBER.finditer(value))
+    if not found:
+        return None
+    m = found[-1 if last else 0]
+    return value[:m.start()] + put + value[m.end():]
+
+
+def comma(value):
+    return value.replace(".", ",", 1) if re.search(r"\d\.\d", value) else None
+
+
+# text of the value -> text of the changed one, or None: does not apply
+CHANGES = {
+    "comma": comma,
+    "text behind": lambda v: v + "x" if NUMBER.search(v[-1:]) else None,
+    "word behind": lambda v: v + " units" if NUMBER.search(v[-1:]) else None,
+    "number behind": lambda v: v + " 7" if NUMBER.search(v[-1:]) else None,
+    "a number less": lambda v: v[:v.rindex(" ")] if " " in v.strip() and NUMBER.search(v) else None,
+    "unknown word": other_word,
+    "nan": lambda v: replaced(v, "nan"),
+    "infinity": lambda v: replaced(v, "inf", False),
+    "empty": lambda v: "",
+    "exponent": lambda v: replaced(v, "1e400"),
+}
+
+
+def twice(text, field, change=None, before=False):
+    """The field is there twice; `change`: of the second, or of the first."""
+    whole = text[field.first:field.last]
+    value = text[field.begin:field.end]
+    if change:
+        put = change(value)
+        if put is None or put == value:
+            return None
+        other = text[field.first:field.begin] + put + text[field.end:field.last]
+    else:
+        other = whole
+    between = ", " if whole.startswith('"') else ""
+    pair = other + between + whole if before else whole + between + other
+    return text[:field.first] + pair + text[field.last:]
+
+
+TWICE = {"twice": lambda t, f: twice(t, f),
+         "twice, the second is another number": lambda t, f: twice(t, f, other_number),
+         "twice, the first is another number": lambda t, f: twice(t, f, other_number, True),
+         "twice, the second is another word": lambda t, f: twice(t, f, other_word),
+         "twice, the first is another word": lambda t, f: twice(t, f, other_word, True)}
+
+
+def text_variations(text, fields):
+    """(name of the field, name of the way, the changed text)"""
+    for field in fields:
+        value = text[field.begin:field.end]
+        for name, change in CHANGES.items():
+            put = change(value)
+            if put is not None and put != value:
+                yield field.name, name, text[:field.begin] + put + text[field.end:]
+        for name, make in TWICE.items():
+            put = make(text, field)
+            if put is not None:
+                yield field.name, name, put
+
+
+def some(fields, rng, count):
+    """Fields of rows of data: a few of many."""
+    return rng.sample(fields, min(count, len(fields)))
+
+
+# ---- formats: a generator of (field, way, function that writes into a folder and returns the surface)
+
+def volume(name, isovalue=0, **members_of):
+    return {"volume": {"path": name, "isovalue": isovalue, **members_of}}
+
+
+def of_header(name, header, data, fields, surface, beside=None):
+    """Variations of a header of text that data follow."""
+    def case(text):
+        def write(folder):
+            (folder / name).write_bytes(text.encode("latin-1") + data)
+            if beside:
+                beside(folder)
+            return surface
+        return write
+    yield "", "", case(header)
+    for field, way, text in text_variations(header, fields):
+        yield field, way, case(text)
+
+
+def split(write, mark, name):
+    """The file that a writer makes, as header (up to and with the mark) and data."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / name
+        write(path)
+        raw = path.read_bytes()
+    at = raw.index(mark) + len(mark)
+    return raw[:at].decode("latin-1"), raw[at:]
+
+
+def nrrd(rng):
+    extra = ["kinds: space space space", "space units: \"mm\" \"mm\" \"mm\""]
+    header, data = split(lambda p: write_nrrd(p, samples().astype("f4"), matrix(), extra=extra), b"\n\n", "v.nrrd")
+    yield from of_header("v.nrrd", header, data, lines(header, ": "), volume("v.nrrd"))
+
+
+def nrrd_by_spacings(rng):
+    low = " ".join(repr(float(v)) for v in ORIGIN)
+    high = " ".join(repr(float(v)) for v in ORIGIN + STEP * (numpy.array(SIZE) - 1))
+    extra = ["spacings: " + " ".join(repr(float(v)) for v in STEP), f"axis mins: {low}", f"axis maxs: {high}", "centerings: node node node"]
+    header, data = split(lambda p: write_nrrd(p, samples().astype("f4"), None, "ascii", extra=extra), b"\n\n", "v.nrrd")
+    yield from of_header("v.nrrd", header, data, lines(header, ": "), volume("v.nrrd"))
+
+
+def nrrd_in_files(rng):
+    values = samples().astype("f4")
+    slices = [values[:, :, k].tobytes(order="F") for k in range(SIZE[2])]
+    extra = ["line skip: 1", "byte skip: 2", f"data file: s %02d.raw 0 {SIZE[2] - 1} 1"]
+    header, _ = split(lambda p: write_nrrd(p, values, matrix(), extra=extra), b"\n\n", "v.nrrd")
+
+    def beside(folder):
+        for k, data in enumerate(slices):
+            (folder / f"s {k:02}.raw").write_bytes(b"line\n12" + data)
+    yield from of_header("v.nhdr", header, b"", lines(header, ": ", of=r"[^:=\n]+"), volume("v.nhdr"), beside)
+
+
+def meta_image(rng):
+    fields = {"CenterOfRotation": "0 0 0", "AnatomicalOrientation": "RAI", "HeaderSize": "0", "ElementSize": " ".join(map(repr, STEP.tolist()))}
+    header, data = split(lambda p: write_meta_image(p, samples().astype("f4"), matrix(), fields), b"ElementDataFile = LOCAL\n", "v.mha")
+    yield from of_header("v.mha", header, data, lines(header, " = "), volume("v.mha"))
+    aliases = {"Offset": ("Position", "Origin"), "TransformMatrix": ("Rotation", "Orientation"), "BinaryDataByteOrderMSB": ("ElementByteOrderMSB",)}
+    for key, names in aliases.items():
+        for name in names:
+            line = next(k for k in header.splitlines(True) if k.startswith(key))
+            value = line.split(" = ")[1].strip()
+            put = {"False": "True"}.get(value) or other_number(value)
+            for order in (f"{name} = {put}\n{line}", f"{line}{name} = {put}\n"):
+                text = header.replace(line, order)
+                yield key, f"contradicted by {name}", lambda folder, text=text: (
+                    (folder / "v.mha").write_bytes(text.encode() + data), volume("v.mha"))[1]
+
+
+def meta_image_in_a_file(rng):
+    header, data = split(lambda p: write_meta_image(p, samples().astype("f4"), matrix()), b"ElementDataFile = LOCAL\n", "v.mha")
+    header = header.replace("LOCAL", "v 50%.raw").replace("CompressedData", "HeaderSize = 3\nCompressedData")
+    yield from of_header("v.mhd", header, b"", lines(header, " = "), volume("v.mhd"),
+                         lambda folder: (folder / "v 50%.raw").write_bytes(b"abc" + data))
+
+
+# not finite, zero, negative and large numbers of a NIfTI field
+NIFTI_NUMBERS = {"f": (numpy.nan, numpy.inf, -numpy.inf, 1e38), "d": (numpy.nan, numpy.inf, 1e300), "h": (-1, 32767), "i": (-1, 2 ** 31 - 1),
+                 "q": (-1, 2 ** 62), "B": (255,)}
+# Fields that another one replaces, or that nothing is computed from.
+NIFTI_UNUSED = ("intent", "slice", "cal_", "toffset", "descrip", "aux", "dim_info")
+
+
+def nifti_of(version, quaternion):
+    def run(rng):
+        # from the first sample, right, anterior and superior: as the spec's world, without a rotation
+        how = ({"quaternion": (0, 0, 0, *ORIGIN, 1), "voxel": STEP} if quaternion else {"matrix": matrix()})
+
+        def write(folder, fields=None):
+            write_nifti(folder / "v.nii", samples().astype("f4"), version=version, **how)
+            if fields:
+                change_nifti(folder / "v.nii", fields, version=version)
+            return volume("v.nii")
+        yield "", "", write
+        table = NIFTI_FIELDS if version == 1 else NIFTI2_FIELDS
+        for name, (_, kind) in table.items():
+            for number in NIFTI_NUMBERS.get(kind, ()):
+                yield name, f"is {number}", lambda folder, name=name, number=number: write(folder, {name: number})
+            if quaternion and name.startswith("pixdim") and name[-1] in "123":
+                yield name, "is 0", lambda folder, name=name: write(folder, {name: 0})
+    return run
+
+
+IMAGEJ = "ImageJ=1.53t\nimages={0}\nslices={0}\nunit=mm\nspacing={1}\nxorigin={2}\nyorigin={3}\nzorigin={4}\nloop=false\n"
+
+
+def imagej_text():
+    return IMAGEJ.format(SIZE[2], *(repr(float(v)) for v in (STEP[2], *(-ORIGIN / STEP))))
+
+
+def tiff(path, text=None, pages=None, **how):
+    write_tiff(path, pages or [samples().astype("f4")[:, :, k] for k in range(SIZE[2])], description=text,
+               resolution=tuple(1 / STEP[:2]), **how)
+    return volume(path.name)
+
+
+def imagej(rng):
+    text = imagej_text()
+    yield "", "", lambda folder: tiff(folder / "v.tif", text)
+    for field, way, changed in text_variations(text, lines(text, "=")):
+        yield field, way, lambda folder, changed=changed: tiff(folder / "v.tif", changed)
+    for axis in ("yunit", "zunit"):
+        for unit in ("frames", "7"):
+            yield axis, f"is {unit}", lambda folder, axis=axis, unit=unit: tiff(folder / "v.tif", f"{text}{axis}={unit}\n")
+
+
+# SHORT tags that may differ on a page, and values that mean something else
+PAGE_TAGS = {258: (16,), 262: (0,), 274: (2, 3, 4, 5, 6, 8), 277: (2,), 296: (2, 3), 339: (1, 2), 256: (SIZE[0] - 1,), 257: (SIZE[1] - 1,), 266: (2,), 317: (2, 3)}
+
+
+def tiff_pages(rng):
+    text = imagej_text()
+    yield "", "", lambda folder: tiff(folder / "v.tif", text)
+    for tag, values in PAGE_TAGS.items():
+        for value in values:
+            for page in (0, 13, SIZE[2] - 1):
+                yield f"tag {tag}", f"{value} on page {page} only", lambda folder, tag=tag, value=value, page=page: tiff(
+                    folder / "v.tif", text, page_tags={page: {tag: value}})
+            yield f"tag {tag}", f"twice, {value}", lambda folder, tag=tag, value=value: tiff(folder / "v.tif", text, twice=[(tag, value)])
+
+
+def tiff_stack(rng):
+    pages = [samples(numpy.zeros(3)).astype("f4")[:, :, k] for k in range(SIZE[2])]  # images have no origin
+
+    def write(folder, number=None, tags=None, resolution=None):
+        for k, page in enumerate(pages):
+            write_tiff(folder / f"s.{k:03}.tif", [page], resolution=resolution if k == number and resolution else tuple(1 / STEP[:2]),
+                       tags=tags if k == number else None)
+        return {"volume": {"path": "s.###.tif", "slices": f"0-{SIZE[2] - 1}", "isovalue": 0, "voxel_size": STEP.tolist()}}
+    yield "", "", write
+    for tag, values in PAGE_TAGS.items():
+        for value in values:
+            for number in (0, 13):
+                yield f"tag {tag}", f"{value} in file {number} only", lambda folder, tag=tag, value=value, number=number: write(
+                    folder, number, {tag: value})
+    yield "resolution", "in one file only", lambda folder: write(folder, 13, None, (3, 3))
+
+
+def ome(rng):
+    steps = " ".join(f'PhysicalSize{a}="{float(s)!r}" PhysicalSize{a}Unit="mm"' for a, s in zip("XYZ", STEP))
+    text = ('<?xml version="1.0" encoding="UTF-8"?><OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06"><Image ID="Image:0">'
+            f'<Pixels ID="Pixels:0" DimensionOrder="XYZCT" SizeX="{SIZE[0]}" SizeY="{SIZE[1]}" SizeZ="{SIZE[2]}" SizeC="1" SizeT="1" '
+            f'Type="float" {steps}><TiffData IFD="0" FirstZ="0" PlaneCount="{SIZE[2]}"/></Pixels></Image></OME>')
+    shifted = [samples(numpy.zeros(3)).astype("f4")[:, :, k] for k in range(SIZE[2])]  # OME-XML has no origin
+    yield "", "", lambda folder: tiff(folder / "v.ome.tif", text, shifted)
+    for field, way, changed in text_variations(text, attributes(text)):
+        yield field, way, lambda folder, changed=changed: tiff(folder / "v.ome.tif", changed, shifted)
+
+
+def zarr_of(version):
+    def run(rng):
+        steps, origin = STEP[::-1].tolist(), ORIGIN[::-1].tolist()
+        described = multiscales([steps], [origin], version="0.4" if version == 2 else "0.5")
+        values = samples().astype("f4").transpose(2, 1, 0)
+
+        def write(folder, name=None, text=None):
+            path = folder / "v.zarr"
+            (write_group_2 if version == 2 else write_group_3)(path, described)
+            (write_array_2 if version == 2 else write_array_3)(path / "0", values, (10, 9, 13), fill=-1.0)
+            if name:
+                (path / name).write_text(text)
+            return volume("v.zarr")
+        yield "", "", write
+        with tempfile.TemporaryDirectory() as folder:
+            write(pathlib.Path(folder))
+            texts = {name: (pathlib.Path(folder) / "v.zarr" / name).read_text()
+                     for name in ((".zattrs", ".zgroup", "0/.zarray") if version == 2 else ("zarr.json", "0/zarr.json"))}
+        for name, text in texts.items():
+            for field, way, changed in text_variations(text, members(text)):
+                yield field, way, lambda folder, name=name, changed=changed: write(folder, name, changed)
+    return run
+
+
+MESH = {"mesh": {"path": None}}
+
+
+def mesh(name):
+    return {"mesh": {"path": name}}
+
+
+def of_text(name, text, fields):
+    def case(changed):
+        def write(folder):
+            (folder / name).write_text(changed)
+            return mesh(name)
+        return write
+    yield "", "", case(text)
+    for field, way, changed in text_variations(text, fields):
+        yield field, way, case(changed)
+
+
+def words_in_lines(text, key, rng, count):
+    """Rows of data that begin with a key."""
+    return some([Field(key, m.start(1), m.end(1), m.start(), m.end() + 1) for m in re.finditer(rf"^{key}(.+)$", text, re.MULTILINE)], rng, count)
+
+
+def obj(rng):
+    out = ["# two balls", "mtllib balls.mtl"]
+    first = 1
+    for k, (v, f) in enumerate(triangles()):
+        out += [f"o ball{k}", "usemtl grey", "s 1"]
+        out += ["v %r %r %r" % tuple(p) for p in v.tolist()] + ["f %d %d %d" % tuple(c) for c in (f + first).tolist()]
+        first += len(v)
+    text = "\n".join(out) + "\n"
+    fields = [*words_in_lines(text, "v ", rng, 6), *words_in_lines(text, "f ", rng, 6), *words_in_lines(text, "mtllib ", rng, 1),
+              *words_in_lines(text, "usemtl ", rng, 2), *words_in_lines(text, "s ", rng, 1), *words_in_lines(text, "o ", rng, 2)]
+    yield from of_text("m.obj", text, fields)
+    for way, old, new in (("a name that ends in \\", "mtllib balls.mtl", "mtllib C:\\balls\\"), ("a blank behind \\", "f 1 ", "f \\ \n1 "),
+                          ("a line continued", "f 1 ", "f \\\n1 ")):
+        yield "line", way, lambda folder, old=old, new=new: ((folder / "m.obj").write_text(text.replace(old, new, 1)), mesh("m.obj"))[1]
+
+
+def ply(rng):
+    v, f = joined()
+    text = (f"ply\nformat ascii 1.0\ncomment two balls\nelement vertex {len(v)}\nproperty double x\nproperty double y\nproperty double z\n"
+            f"element face {len(f)}\nproperty list uchar int vertex_indices\nend_header\n")
+    rows = "".join("%r %r %r\n" % tuple(p) for p in v.tolist())
+    text_rows = text + rows + "".join("3 %d %d %d\n" % tuple(c) for c in f)
+    head = lines(text, " ", of=r"format|element vertex|element face|property double|property list")
+    data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text_rows, re.MULTILINE)]
+    yield from of_text("m.ply", text_rows, [*head, *some(data, rng, 12)])
+    binary = text.replace("ascii", "binary_little_endian")
+    body = v.astype("<f8").tobytes() + b"".join(struct.pack("<B3i", 3, *c) for c in f)
+    for field, way, changed in text_variations(binary, lines(binary, " ", of=r"format|element vertex|element face|property double|property list")):
+        yield f"{field} (binary)", way, lambda folder, changed=changed: ((folder / "m.ply").write_bytes(changed.encode() + body), mesh("m.ply"))[1]
+
+
+def stl_text(rng):
+    out = []
+    for k, (v, f) in enumerate(triangles()):
+        out.append(f"solid ball{k}")
+        for c in f:
+            out.append(" facet normal 0 0 1\n  outer loop\n" + "".join("   vertex %r %r %r\n" % tuple(v[i].tolist()) for i in c) + "  endloop\n endfacet")
+        out.append(f"endsolid ball{k}")
+    text = "\n".join(out) + "\n"
+    yield from of_text("m.stl", text, [*words_in_lines(text, "   vertex ", rng, 10), *words_in_lines(text, " facet normal ", rng, 3),
+                                       *words_in_lines(text, "solid ", rng, 2), *words_in_lines(text, "endsolid ", rng, 2)])
+
+
+def stl(rng):
+    v, f = joined()
+
+    def write(folder, head=b"two balls", count=len(f), more=None, tail=b""):
+        rows = b"".join(struct.pack("<12fH", 0, 0, 0, *v[c].ravel(), len(more) if more else 0) + (more or b"") for c in f)
+        (folder / "m.stl").write_bytes(head.ljust(80) + struct.pack("<I", count) + rows + tail)
+        return mesh("m.stl")
+    yield "", "", write
+    for way, how in {"count is 0": {"count": 0}, "count is less": {"count": len(f) - 7}, "count is more": {"count": len(f) + 7},
+                     "attribute bytes": {"more": b"abcdef"}, "head is solid": {"head": b"solid two balls"}, "a tail": {"tail": b"x" * 50},
+                     "a short tail": {"tail": b"x" * 7}, "COLOR": {"head": b"COLOR=\x01\x02\x03\xff"}, "UNITS": {"head": b"two balls UNITS=inch"}}.items():
+        yield "file", way, lambda folder, how=how: write(folder, **how)
+
+
+def off(rng):
+    v, f = joined()
+    text = f"OFF\n{len(v)} {len(f)} 0\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) + "".join("3 %d %d %d\n" % tuple(c) for c in f)
+    data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE)]
+    yield from of_text("m.off", text, [data[0], *some(data[1:], rng, 12)])
+
+
+def vtk(rng):
+    v, f = joined()
+    text = (f"# vtk DataFile Version 3.0\ntwo balls\nASCII\nDATASET POLYDATA\nPOINTS {len(v)} double\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) +
+            f"POLYGONS {len(f)} {4 * len(f)}\n" + "".join("3 %d %d %d\n" % tuple(c) for c in f))
+    data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE)]
+    yield from of_text("m.vtk", text, [*lines(text, " ", of="# vtk DataFile Version|DATASET|POINTS|POLYGONS"), *some(data, rng, 12)])
+
+
+def vtp(rng):
+    pieces = ""
+    for v, f in triangles():
+        pieces += (f'<Piece NumberOfPoints="{len(v)}" NumberOfPolys="{len(f)}"><Points><DataArray type="Float64" Name="Points" NumberOfComponents="3" '
+                   'format="ascii">' + " ".join(map(repr, v.ravel().tolist())) + '</DataArray></Points><Polys><DataArray type="Int64" Name="connectivity" '
+                   'format="ascii">' + " ".join(map(str, f.ravel().tolist())) + '</DataArray><DataArray type="Int64" Name="offsets" format="ascii">' +
+                   " ".join(map(str, range(3, 3 * len(f) + 1, 3))) + "</DataArray></Polys></Piece>")
+    text = f'<?xml version="1.0"?><VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32"><PolyData>{pieces}</PolyData></VTKFile>'
+    arrays = [Field("DataArray", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</DataArray>", text)]
+    yield from of_text("m.vtp", text, [*attributes(text), *arrays])
+
+
+def three_mf(rng):
+    import zipfile
+    objects = "".join(
+        f'<object id="{k + 1}" type="model"><mesh><vertices>' + "".join('<vertex x="%r" y="%r" z="%r"/>' % tuple(p) for p in v.tolist()) +
+        "</vertices><triangles>" + "".join('<triangle v1="%d" v2="%d" v3="%d"/>' % tuple(c) for c in f) + "</triangles></mesh></object>"
+        for k, (v, f) in enumerate(triangles()))
+    text = ('<?xml version="1.0" encoding="UTF-8"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+            f'<resources>{objects}</resources><build><item objectid="1"/><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 0"/></build></model>')
+
+    def case(changed):
+        def write(folder):
+            with zipfile.ZipFile(folder / "m.3mf", "w") as archive:
+                archive.writestr("[Content_Types].xml", '<?xml version="1.0" encoding="UTF-8"?><Types/>')
+                archive.writestr("_rels/.rels", '<?xml version="1.0" encoding="UTF-8"?><Relationships><Relationship Id="r" Target="/3D/3dmodel.model" '
+                                 'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>')
+                archive.writestr("3D/3dmodel.model", changed)
+            return mesh("m.3mf")
+        return write
+    yield "", "", case(text)
+    found = attributes(text)
+    rows = [f for f in found if f.name in ("x", "y", "z", "v1", "v2", "v3")]
+    for field, way, changed in text_variations(text, [f for f in found if f not in rows] + some(rows, rng, 10)):
+        yield field, way, case(changed)
+    for node in ("<item objectid=\"2\"", "<object id=\"1\" type=\"model\""):
+        for put in (' printable="0"', ' unknown="7"', ' transform="2 0 0 0 2 0 0 0 2 0 0 0"'):
+            if node.startswith("<item") and "transform" in put:
+                continue
+            yield node[1:7], f"has{put}", case(text.replace(node, node + put, 1))
+
+
+def gltf(rng):
+    parts, buffer = triangles(), b""
+    views, accessors, meshes, nodes = [], [], [], []
+    for k, (v, f) in enumerate(parts):
+        for data, of in ((v.astype("<f4"), {"componentType": 5126, "type": "VEC3", "count": len(v), "min": v.astype("f4").min(axis=0).tolist(),
+                                             "max": v.astype("f4").max(axis=0).tolist()}),
+                         (f.astype("<u2"), {"componentType": 5123, "type": "SCALAR", "count": f.size})):
+            views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": data.nbytes})
+            accessors.append({"bufferView": len(views) - 1, "byteOffset": 0, **of})
+            buffer += data.tobytes() + bytes(-data.nbytes % 4)
+        meshes.append({"primitives": [{"attributes": {"POSITION": 2 * k}, "indices": 2 * k + 1, "mode": 4}]})
+        nodes.append({"mesh": k, "translation": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0], "name": f"ball{k}"})
+    document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}], "nodes": nodes, "meshes": meshes, "accessors": accessors,
+                "bufferViews": views, "buffers": [{"byteLength": len(buffer), "uri": "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()}]}
+    text = json.dumps(document)
+    yield from of_text("m.gltf", text, members(text))
+
+    def with_node(change, used=()):
+        changed = json.loads(text)
+        change(changed["nodes"][1], changed)
+        if used:
+            changed["extensionsUsed"] = list(used)
+        return lambda folder: ((folder / "m.gltf").write_text(json.dumps(changed)), mesh("m.gltf"))[1]
+    for name, value in (("KHR_node_visibility", {"visible": False}), ("EXT_mesh_gpu_instancing", {"attributes": {"TRANSLATION": 0}}),
+                        ("MSFT_lod", {"ids": [0]}), ("VENDOR_unknown", {"offset": 3})):
+        yield "node 1", name, with_node(lambda node, _, name=name, value=value: node.update(extensions={name: value}), [name])
+    yield "document", "CESIUM_RTC", with_node(lambda _, whole: whole.update(extensions={"CESIUM_RTC": {"center": [100, 0, 0]}}), ["CESIUM_RTC"])
+    yield "node 1", "matrix and translation", with_node(lambda node, _: node.update(matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1]))
+    yield "node 1", "has two parents", with_node(lambda _, whole: whole["nodes"][0].update(children=[1]))
+
+
+def gifti(rng):
+    def array(intent, kind, values, width):
+        identity = " ".join("1" if k % 5 == 0 else "0" for k in range(16))
+        system = (f"<CoordinateSystemTransformMatrix><DataSpace>NIFTI_XFORM_UNKNOWN</DataSpace><TransformedSpace>NIFTI_XFORM_UNKNOWN</TransformedSpace>"
+                  f"<MatrixData>{identity}</MatrixData></CoordinateSystemTransformMatrix>") if "POINT" in intent else ""
+        return (f'<DataArray Intent="{intent}" DataType="{kind}" ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Dim0="{len(values)}" Dim1="{width}" '
+                f'Encoding="ASCII" Endian="LittleEndian" ExternalFileName="" ExternalFileOffset="0">{system}<Data>' +
+                " ".join(map(str, values.ravel().tolist())) + "</Data></DataArray>")
+    v, f = joined()
+    text = ('<?xml version="1.0" encoding="UTF-8"?><GIFTI Version="1.0" NumberOfDataArrays="2">' +
+            array("NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", v.astype("f4"), 3) + array("NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32", f, 3) + "</GIFTI>")
+    arrays = [Field("Data", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</(?:Data|MatrixData)>", text)]
+    yield from of_text("m.gii", text, [*attributes(text), *arrays])
+
+
+FORMATS = {"nrrd": nrrd, "nrrd by spacings": nrrd_by_spacings, "nrrd in files": nrrd_in_files, "meta_image": meta_image,
+           "meta_image in a file": meta_image_in_a_file, "nifti-1 sform": nifti_of(1, False), "nifti-1 qform": nifti_of(1, True),
+           "nifti-2 sform": nifti_of(2, False), "nifti-2 qform": nifti_of(2, True), "imagej": imagej, "tiff pages": tiff_pages, "tiff stack": tiff_stack,
+           "ome": ome, "zarr 2": zarr_of(2), "zarr 3": zarr_of(3), "obj": obj, "ply": ply, "stl text": stl_text, "stl": stl, "off": off, "vtk": vtk,
+           "vtp": vtp, "3mf": three_mf, "gltf": gltf, "gifti": gifti}
+
+
+# ---- running and judging
+
+def run(worker, write):
+    """(report or None, message, positions)"""
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        spec = {"version": 1, "surface": write(folder), "sampling": {"count": 120}, "output": {"preview": False},
+                "solver": {"threads": 1, "max_sweeps": 1}}
+        done = subprocess.run([worker, "run", "-", "--output", folder / "out"], input=json.dumps(spec), cwd=folder, capture_output=True,
+                              text=True, timeout=TIMEOUT_S)
+        if not (folder / "out/report.json").exists():
+            return None, done.stderr or done.stdout or f"status {done.returncode}", None
+        report = json.loads((folder / "out/report.json").read_text())
+        if not (folder / "out/points.ply").exists():
+            return None, report.get("message", ""), None
+        return report, "", Points((folder / "out/points.ply").read_bytes()).position
+
+
+def is_right(report, positions):
+    away = numpy.min([numpy.abs(numpy.linalg.norm(positions - c, axis=1) - r) for c, r in BALLS], axis=0)
+    return away.max() < AWAY and abs(report["surface"]["area"] / AREA - 1) < OF_AREA
+
+
+def judge(worker, write, usual):
+    """`right`, `warned`, `refused`, or a fault: `wrong` points without a new warning, `crashed`."""
+    report, message, positions = run(worker, write)
+    if report is None:
+        return ("refused" if '"code"' in message or "input" in message else "crashed"), message
+    if is_right(report, positions):
+        return "right", ""
+    new = [w for w in report["surface"]["warnings"] if w not in usual]
+    return ("warned", new[0]) if new else ("wrong", f"area {report['surface']['area']:.5g}")
+
+
+def variations(seed, names=None):
+    """(format, field, way, write), the base of each format first, with an empty field."""
+    for name, make in FORMATS.items():
+        if not names or name in names:
+            for field, way, write in make(random.Random(seed)):
+                yield name, field, way, write
+
+
+def chosen(seed, count, names=None):
+    """`count` of the variations, spread over formats and fields; the base of each format is always there."""
+    all_of_them = list(variations(seed, names))
+    bases = [v for v in all_of_them if not v[1]]
+    groups = collections.defaultdict(list)
+    rng = random.Random(seed)
+    for v in all_of_them:
+        if v[1]:
+            groups[v[0], v[1]].append(v)
+    for group in groups.values():
+        rng.shuffle(group)
+    picked = []
+    while any(groups.values()) and (not count or len(picked) < count):
+        keys = [k for k in groups if groups[k]]
+        rng.shuffle(keys)
+        for key in keys:
+            picked.append(groups[key].pop())
+    return bases, picked[:count] if count else picked
+
+
+def check(worker, seed, count, names=None, report=print):
+    """Runs variations; (number of each verdict by format, faults)."""
+    bases, picked = chosen(seed, count, names)
+    usual, table, faults = {}, collections.defaultdict(collections.Counter), []
+    for name, _, _, write in bases:
+        found, message, positions = run(worker, write)
+        assert found is not None and is_right(found, positions), (name, message, found and found["surface"])
+        usual[name] = found["surface"]["warnings"]
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]]), picked)
+        for (name, field, way, _), (verdict, why) in zip(picked, verdicts):
+            table[name][verdict] += 1
+            if verdict in ("wrong", "crashed"):
+                faults.append((name, field, way, verdict, why))
+                report(f"{name}: {field}: {way}: {verdict}: {why.strip()}")
+    return table, faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("build", type=pathlib.Path)
+    parser.add_argument("--cases", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--formats", type=lambda text: text.split(","))
+    parser.add_argument("--list", action="store_true")
+    options = parser.parse_args()
+    if options.list:
+        found = collections.Counter((name, field) for name, field, _, _ in variations(options.seed, options.formats) if field)
+        for (name, field), count in found.items():
+            print(f"{name}\t{field}\t{count}")
+        print(sum(found.values()))
+        return 0
+    table, faults = check(options.build.resolve() / "hexad-worker", options.seed, options.cases, options.formats)
+    for name, counts in table.items():
+        print(f"{name:24}" + "".join(f"{verdict} {count:5}  " for verdict, count in sorted(counts.items())))
+    print(f"{sum(sum(c.values()) for c in table.values())} variations, seed {options.seed}: {len(faults)} wrong")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
