@@ -118,7 +118,7 @@ typedef struct walk {
     bool is_gltf;                /* colours are linear, and skinned meshes are not placed by their nodes */
     struct aiMatrix4x4 to_world; /* of the root */
     unsigned group;              /* number of the visited node among those that have meshes */
-    plain_mesh one;              /* vertices of the current mesh, and one of its polygons with its triangles */
+    plain_mesh one; /* vertices of the current mesh, and one of its polygons with its triangles */
 } walk;
 
 /* The matrix of a mesh of a node whose matrix is `m`. */
