@@ -106,6 +106,7 @@ def cases(work):
         "cloud, 3 000": (fog, {"count": 3000}, {}),
         "cloud, 20 000": (fog, {"count": 20000}, {}),
         "paper": ({"analytic": {"shape": "quartic"}}, {"count": 600}, {"method": "paper"}),
+        "amplitudes": ({"analytic": {"shape": "quartic"}}, {"count": 6000, "alpha": {"d": 2}}, {}),
     }
 
 
