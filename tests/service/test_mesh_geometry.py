@@ -197,6 +197,49 @@ def test_faces_that_overlap_in_one_plane(solve, tmp_path, solids, area, warning,
     assert least >= 0.5 * report["spacing"]
 
 
+def leaf(diagonal, steps, random):
+    """Quads in a plane with both sides: two triangles each on the front and on the back, whose diagonal is the same or the other one."""
+    at = [(i / steps, j / steps, 0.0) for j in range(steps + 1) for i in range(steps + 1)]
+    faces = []
+    for i in range(steps):
+        for j in range(steps):
+            a = j * (steps + 1) + i
+            b, c, d = a + 1, a + steps + 2, a + steps + 1
+            faces += [(a, b, c), (a, c, d)]
+            faces += [(a, c, b), (a, d, c)] if diagonal == "same" else [(a, d, b), (b, d, c)]
+    return posed(at, random), faces
+
+
+REST = {"nothing": 0, "a closed ball": 1, "an open ball": 2, "two cubes in contact": 3}
+
+
+@pytest.mark.parametrize("diagonal", ["same", "other"])
+@pytest.mark.parametrize("rest", REST)
+def test_a_sheet_with_both_sides_is_sampled_once_whatever_else_is_in_the_file(solve, tmp_path, diagonal, rest):
+    random = numpy.random.default_rng(11 + REST[rest])
+    vertices, faces, area = [], [], 0.0
+
+    def add(v, f):
+        faces.extend(tuple(k + len(vertices) for k in corners) for corners in f)
+        vertices.extend(map(tuple, v))
+    for k, steps in enumerate((1, 3)):
+        v, f = leaf(diagonal, steps, random)
+        add(numpy.array(v) + (10 + 5 * k, 0, 0), f)
+        area += 1
+    if rest in ("a closed ball", "an open ball"):
+        v, f = damaged_meshes.icosphere(2)
+        f = f[rest == "an open ball":]
+        add(v, f)
+        area += sum(numpy.linalg.norm(numpy.cross(v[b] - v[a], v[c] - v[a])) / 2 for a, b, c in f)
+    if rest == "two cubes in contact":
+        for solid in (cuboid((0, 0, 0), (1, 1, 1)), cuboid((1, 0, 0), (2, 1, 1))):
+            add(*solid)
+        area += 10
+    write_obj(File([numpy.array(v, float) for v in vertices], faces), tmp_path / "mesh.obj")
+    report, _ = solve(spec(tmp_path / "mesh.obj"))
+    assert report["surface"]["mesh"]["area"] == pytest.approx(area, rel=1e-6), report["surface"]
+
+
 @pytest.mark.parametrize("seed", [4, 5])
 def test_displaced_vertices_take_no_level_set(solve, tmp_path, seed):
     """One in ten, by up to half of the box: the points cover the triangles, or the outcome says that they do not."""

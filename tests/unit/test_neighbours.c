@@ -161,17 +161,61 @@ static void points_of_one_colour_in_two_blocks_are_not_neighbours(void **state)
     threads_free(pool);
 }
 
-static void a_cutoff_too_small_is_refused(void **state)
+/* Clumps of points of two sizes at random places of a scene that is up to 1e9 cutoffs wide, some of them aligned along an axis. Coordinates
+ * there have a rounding of up to 1e-7: pairs nearer to the cutoff than that are not compared. */
+static void lists_of_clumps_far_apart_hold_every_pair(void **state)
 {
     (void)state;
+    enum { CLUMPS = 12 };
+    const uint64_t seed = test_seed();
+    rng r = rng_seed(seed, 4);
+    vec3 x[COUNT], at[CLUMPS];
+    double size[COUNT];
     error e = {0};
-    vec3 x[2] = {{0, 0, 0}, {1, 0, 0}};
+    threads *pool = threads_new(2, NULL, &e);
+    neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
+    for (double extent = 1e3; extent < 1e10; extent *= 100) {
+        for (int c = 0; c < CLUMPS; c++) {
+            at[c] = random_between(&r, (vec3){-extent, -extent, -extent}, (vec3){extent, extent, extent});
+            if (c % 3 == 0) at[c].y = at[c].z = 0;
+        }
+        for (int i = 0; i < COUNT; i++) {
+            x[i] = vec3_add(at[i % CLUMPS], random_between(&r, (vec3){-2, -2, -1}, (vec3){2, 2, 1}));
+            size[i] = i % 5 ? 1 : 0.25;
+        }
+        assert_true(neighbours_build(n, COUNT, x, size, 1, pool, &e));
+        for (uint32_t i = 0; i < COUNT; i++) {
+            uint32_t *list = n->list + n->list_begin[i], k = 0;
+            qsort(list, n->list_count[i], sizeof *list, compare_index);
+            for (uint32_t j = 0; j < COUNT; j++) {
+                const double apart = vec3_norm(vec3_sub(x[i], x[j])) - 0.5 * (size[i] + size[j]);
+                const bool is_listed = k < n->list_count[i] && list[k] == j;
+                if (j != i && fabs(apart) > 1e-6) assert_int_equal(is_listed, apart < 0);
+                k += is_listed;
+            }
+            assert_int_equal(k, n->list_count[i]);
+        }
+    }
+    neighbours_free(n);
+    threads_free(pool);
+}
+
+/* Points in a line, so near to each other that no gap between them can be narrowed. */
+static void more_bins_than_can_be_numbered_are_refused(void **state)
+{
+    (void)state;
+    enum { MANY = 200000 };
+    error e = {0};
+    vec3 *x = malloc(MANY * sizeof *x);
+    assert_non_null(x);
+    for (int i = 0; i < MANY; i++) x[i] = (vec3){3.5 * i, 0, 0};
     threads *pool = threads_new(1, NULL, &e);
-    neighbours *n = neighbours_new(2, SIZE_MAX, &e);
-    assert_false(neighbours_build(n, 2, x, NULL, 1e-9, pool, &e));
+    neighbours *n = neighbours_new(MANY, SIZE_MAX, &e);
+    assert_false(neighbours_build(n, MANY, x, NULL, 1, pool, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     neighbours_free(n);
     threads_free(pool);
+    free(x);
 }
 
 static volatile sig_atomic_t stopped;
@@ -230,7 +274,8 @@ int main(void)
         cmocka_unit_test(lists_hold_every_pair_within_its_own_cutoff),
         cmocka_unit_test(lists_of_many_graded_points_hold_every_pair),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
-        cmocka_unit_test(a_cutoff_too_small_is_refused),
+        cmocka_unit_test(lists_of_clumps_far_apart_hold_every_pair),
+        cmocka_unit_test(more_bins_than_can_be_numbered_are_refused),
         cmocka_unit_test(a_stopped_build_is_reported),
     };
     return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);

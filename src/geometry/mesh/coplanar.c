@@ -38,6 +38,8 @@ typedef struct cutting {
     size_t children_room, children_count;
     size_t part_room;
     vec3 *normal; /* per part, at the index of its root: the unit normal */
+    bool
+        *closed; /* per triangle of the input: its component is closed (contacts.h); read at roots of parts */
     bool *turned; /* per triangle: the normal of the input triangle that it was cut from is opposite to that
                    * of the part. Not computed from the piece, since rounding may reverse thin pieces */
     size_t turned_room;
@@ -615,17 +617,26 @@ static size_t list_covers(const cutting *c, cover *list)
     return kept;
 }
 
+/* Whether all parts that contain the place are in closed components. */
+static bool is_in_closed(const cutting *c, const place *p)
+{
+    return c->closed[c->part_of[p->triangle]] && (p->same == UINT32_MAX || c->closed[p->same]) &&
+           (p->turned == UINT32_MAX || c->closed[p->turned]);
+}
+
 /* Sets the state of each place (contacts.h). */
-static bool find_contacts(const cutting *c, place *places, size_t count, bool closed, error *e)
+static bool find_contacts(const cutting *c, place *places, size_t count, error *e)
 {
     const size_t all = c->l.m->triangle_count;
     unsigned char *face = mem_array(all, sizeof *face, what, e);
     if (!face) return false;
     for (size_t t = 0; t < all; t++) face[t] = c->l.dead[t] ? CONTACTS_REMOVED : CONTACTS_REMAINS;
-    for (size_t k = 0; k < count; k++)
+    for (size_t k = 0; k < count; k++) {
+        const bool closed = is_in_closed(c, &places[k]);
         face[places[k].triangle] = closed && places[k].balance == 0  ? CONTACTS_CANCELS
                                    : is_first(c, &places[k], closed) ? CONTACTS_REMAINS
                                                                      : CONTACTS_REMOVED;
+    }
     const bool ok = contacts_find_needed(c->l.m, face, e);
     for (size_t k = 0; k < count; k++) places[k].face = face[places[k].triangle];
     free(face);
@@ -645,7 +656,7 @@ static void drop_place(cutting *c, const place *p, coplanar_overlap *out)
     linked_mesh_drop(&c->l, p->triangle);
 }
 
-static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *e)
+static bool drop_covered(cutting *c, coplanar_overlap *out, error *e)
 {
     cover *list = mem_array(2 * c->meeting_count, sizeof *list, what, e);
     place *places = list ? mem_array(2 * c->meeting_count, sizeof *places, what, e) : NULL;
@@ -658,7 +669,7 @@ static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *
             }
             places[count++] = place_of(c, list + k, n);
         }
-        ok = find_contacts(c, places, count, closed, e);
+        ok = find_contacts(c, places, count, e);
         for (size_t k = 0; ok && k < count; k++) drop_place(c, &places[k], out);
     }
     free(list);
@@ -668,7 +679,7 @@ static bool drop_covered(cutting *c, bool closed, coplanar_overlap *out, error *
 
 /* ---- public functions */
 
-static bool cut_all(cutting *c, mesh *m, bool closed, coplanar_overlap *out, error *e)
+static bool cut_all(cutting *c, mesh *m, coplanar_overlap *out, error *e)
 {
     if (!linked_mesh_begin(m, &c->l, e)) return false;
     m->welded = false;
@@ -678,19 +689,21 @@ static bool cut_all(cutting *c, mesh *m, bool closed, coplanar_overlap *out, err
         c->turned[t] = vec3_dot(across(m, t), c->normal[c->part_of[t]]) < 0;
     c->children = mem_array(m->triangle_count, sizeof *c->children, what, e);
     c->children_room = c->children_count = m->triangle_count;
-    return c->turned && c->children && treat_pairs(c, e) &&
-           (c->unfinished || drop_covered(c, closed, out, e));
+    return c->turned && c->children && treat_pairs(c, e) && (c->unfinished || drop_covered(c, out, e));
 }
 
 bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e)
 {
-    const bool closed = edges->open == 0 && edges->odd == 0;
     cutting c = {.m = m, .r = r};
     c.l.m = m;
     *out = (coplanar_overlap){0};
     mesh before = {0};
     bool ok = join_parts(&c, edges, e) && list_parts(&c, e) && find_pairs(&c, e);
-    if (ok && c.pair_count > 0) ok = mesh_copy(m, NULL, &before, e) && cut_all(&c, m, closed, out, e);
+    if (ok && c.pair_count > 0) {
+        c.closed = mem_array(m->triangle_count, sizeof *c.closed, what, e);
+        ok = c.closed && contacts_find_closed(m, edges, c.closed, e) && mesh_copy(m, NULL, &before, e) &&
+             cut_all(&c, m, out, e);
+    }
     linked_mesh_end(&c.l);
     if (ok && c.unfinished) {
         const mesh cut = *m;
@@ -703,6 +716,7 @@ bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_
     free(c.parts);
     free(c.by_part);
     free(c.normal);
+    free(c.closed);
     free(c.turned);
     free(c.pairs);
     free(c.meetings);

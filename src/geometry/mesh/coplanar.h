@@ -6,9 +6,9 @@
  * both are cut along each other's outlines, together with neighbours outside of the plane, so that closed
  * meshes stay closed. Each overlap then has two congruent faces:
  * - Same orientation: the face of the first part is kept.
- * - Opposite orientation in a closed mesh: both are removed, since they bound nothing. If that would leave a
- *   hole (contacts.h), the face of the first part is kept.
- * - Opposite orientation in an open mesh, where the orientation is arbitrary: the face of the first part is
+ * - Opposite orientation in connected components that are closed: both are removed where they are a contact
+ *   (contacts.h), since they bound nothing. Elsewhere the face of the first part is kept.
+ * - Opposite orientation in an open component, where the orientation is arbitrary: the face of the first part is
  *   kept.
  * A part that overlaps itself is not changed. Single-threaded; no shared state.
  */

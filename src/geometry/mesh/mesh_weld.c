@@ -256,27 +256,34 @@ static double area_of(const mesh *m, const uint32_t t[3])
     return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
 }
 
-/* Keeps one of the equal triangles that cancel if the mesh would have a hole without them: its balance
- * becomes 1. */
-static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, error *e)
+/* Keeps one of the equal triangles that cancel where they are no contact, or in components of the mesh that are open if
+ * only closed ones have contacts: its balance becomes 1. */
+static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, bool if_closed, error *e)
 {
     size_t cancelled = 0;
     for (uint32_t n = 0; n < m->triangle_count; n++) cancelled += first[n] == n && balance[n] == 0;
     if (cancelled == 0) return true;
     unsigned char *face = mem_array(m->triangle_count, sizeof *face, what, e);
-    if (!face) return false;
-    for (uint32_t n = 0; n < m->triangle_count; n++)
+    bool *closed = face && if_closed ? mem_array(m->triangle_count, sizeof *closed, what, e) : NULL;
+    mesh_edges edges = {0};
+    bool ok = face && (!if_closed || (closed && mesh_edges_list(m, NULL, &edges, e) &&
+                                      contacts_find_closed(m, &edges, closed, e)));
+    mesh_edges_free(&edges);
+    for (uint32_t n = 0; ok && n < m->triangle_count; n++) {
+        if (first[n] == n && balance[n] == 0 && closed && !closed[n]) balance[n] = 1;
         face[n] = first[n] != n ? CONTACTS_REMOVED : balance[n] ? CONTACTS_REMAINS : CONTACTS_CANCELS;
-    const bool ok = contacts_find_needed(m, face, e);
+    }
+    ok = ok && contacts_find_needed(m, face, e);
     for (uint32_t n = 0; ok && n < m->triangle_count; n++)
         if (face[n] == CONTACTS_NEEDED) balance[n] = 1;
     free(face);
+    free(closed);
     return ok;
 }
 
 static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, error *e)
 {
-    size_t all = m->triangle_count, distinct = 0;
+    size_t all = m->triangle_count;
     uint32_t(*sorted)[3] = mem_array(all, sizeof *sorted, what, e),
     *first = mem_array(all, sizeof *first, what, e);
     int32_t *balance = mem_array(all, sizeof *balance, what, e);
@@ -291,10 +298,9 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, erro
             sign_of_first = sort_corners(m->triangle[first[n]], unused);
             balance[first[n]] += sign == sign_of_first ? 1 : -1;
         }
-        for (uint32_t n = 0; n < all; n++) distinct += first[n] == n && balance[n] != 0;
-        const bool keeps = distinct == 0 || cancelled == MESH_KEEP_CANCELLED;
+        const bool keeps = cancelled == MESH_KEEP_CANCELLED;
         size_t gone = 0;
-        ok = keeps || keep_needed(m, first, balance, e);
+        ok = keeps || keep_needed(m, first, balance, cancelled == MESH_DROP_IF_CLOSED, e);
         for (uint32_t n = 0; ok && !keeps && n < all; n++) {
             gone += balance[first[n]] == 0;
             if (first[n] == n && balance[n] == 0) out->cancelled += area_of(m, m->triangle[n]);
@@ -396,15 +402,6 @@ bool mesh_weld_clean(mesh *m, threads *pool, error *e)
     return ok;
 }
 
-static bool is_closed(const mesh *m, bool *out, error *e)
-{
-    mesh_edges edges = {0};
-    const bool ok = mesh_edges_list(m, NULL, &edges, e);
-    *out = edges.open == 0 && edges.odd == 0;
-    mesh_edges_free(&edges);
-    return ok;
-}
-
 bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
 {
     if (m->welded) return true;
@@ -414,12 +411,7 @@ bool mesh_weld(mesh *m, mesh_cancelled cancelled, mesh_notes *notes, error *e)
     bool ok = place && join_vertices(m, NULL, place, e);
     if (ok) {
         size_t degenerate = mesh_drop_degenerate(m);
-        bool closed = false;
-        if (cancelled == MESH_DROP_IF_CLOSED) {
-            ok = is_closed(m, &closed, e);
-            cancelled = closed ? MESH_DROP_CANCELLED : MESH_KEEP_CANCELLED;
-        }
-        ok = ok && drop_repeated(m, cancelled, &again, e) && drop_unused(m, NULL, place, e);
+        ok = drop_repeated(m, cancelled, &again, e) && drop_unused(m, NULL, place, e);
         m->welded = ok;
         if (degenerate)
             mesh_note(notes, "%zu of %zu triangles have two equal corners: they are skipped", degenerate,

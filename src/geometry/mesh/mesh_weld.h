@@ -10,13 +10,12 @@
 
 /* Treatment of duplicate triangles that occur equally often in both orientations. */
 typedef enum mesh_cancelled {
-    /* All are dropped, since they bound nothing. One is kept if all triangles of the mesh cancel, or if there
-     * would be a hole (contacts.h). */
+    /* All are dropped where they are a contact (contacts.h), since they bound nothing. One is kept elsewhere. */
     MESH_DROP_CANCELLED,
     /* One is kept. */
     MESH_KEEP_CANCELLED,
-    /* MESH_DROP_CANCELLED if an even number of triangles meets at every edge: they are a contact of two
-     * solids. Otherwise MESH_KEEP_CANCELLED: the orientation of an open surface is arbitrary. */
+    /* MESH_DROP_CANCELLED in connected components where an even number of triangles meets at every edge: there they
+     * may be a contact of two solids. MESH_KEEP_CANCELLED in others: the orientation of an open surface is arbitrary. */
     MESH_DROP_IF_CLOSED
 } mesh_cancelled;
 

@@ -49,6 +49,7 @@ void neighbours_free(neighbours *n)
 {
     if (!n) return;
     free(n->place);
+    for (int axis = 0; axis < 3; axis++) free(n->gap[axis]);
     free(n->bin_begin);
     free(n->bin_item);
     free(n->bin_cell);
@@ -523,10 +524,75 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* ---- gaps */
+
+/* Number of bins along an axis from which on gaps are narrowed. */
+static const double many_bins = 1 << 14;
+
+static int by_value(const void *left, const void *right)
+{
+    const double a = *(const double *)left, b = *(const double *)right;
+    return (a > b) - (a < b);
+}
+
+vec3 neighbours_narrowed(const neighbours *n, vec3 x)
+{
+    double at[3] = {x.x, x.y, x.z};
+    for (int axis = 0; axis < 3; axis++) {
+        const neighbours_gap *gap = n->gap[axis];
+        size_t low = 0, high = n->gaps[axis]; /* gaps before `low` begin at or below the coordinate */
+        while (low < high) {
+            const size_t middle = (low + high) / 2;
+            if (gap[middle].from <= at[axis])
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        if (low > 0) at[axis] -= gap[low - 1].cut;
+    }
+    return vec3_make(at[0], at[1], at[2]);
+}
+
+/* Finds the ranges along an axis that are wider than two margins and have no points; each keeps this width, with the point
+ * from which on coordinates are reduced in its middle. */
+static bool find_gaps(neighbours *n, int axis, const vec3 *x, double margin, double *scratch, error *e)
+{
+    size_t room = 0;
+    double cut = 0;
+    n->gaps[axis] = 0;
+    free(n->gap[axis]);
+    n->gap[axis] = NULL;
+    for (size_t i = 0; i < n->count; i++) scratch[i] = vec3_get(x[i], axis);
+    qsort(scratch, n->count, sizeof *scratch, by_value);
+    for (size_t i = 1; i < n->count; i++) {
+        const double width = scratch[i] - scratch[i - 1];
+        if (width <= 2 * margin) continue;
+        neighbours_gap *grown =
+            mem_grow(n->gap[axis], n->gaps[axis], &room, sizeof *grown, "neighbour lists", e);
+        if (!grown) return false;
+        n->gap[axis] = grown;
+        cut += width - 2 * margin;
+        grown[n->gaps[axis]++] = (neighbours_gap){0.5 * (scratch[i] + scratch[i - 1]), cut};
+    }
+    return true;
+}
+
+/* Narrows the gaps of the scene, and its box accordingly. */
+static bool narrow(neighbours *n, const vec3 *x, double margin, bbox *box, error *e)
+{
+    double *scratch = mem_array(n->count, sizeof *scratch, "neighbour lists", e);
+    bool ok = scratch != NULL;
+    for (int axis = 0; axis < 3 && ok; axis++) ok = find_gaps(n, axis, x, margin, scratch, e);
+    free(scratch);
+    n->has_gaps = ok;
+    if (ok) box->max = neighbours_narrowed(n, box->max);
+    return ok;
+}
+
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e)
 {
-    const bbox box = bbox_of_points(x, count, pool);
+    bbox box = bbox_of_points(x, count, pool);
     double least = size && count > 0 ? size[0] : 1, largest = least;
     for (size_t i = 0; size && i < count; i++) {
         least = size[i] < least ? size[i] : least;
@@ -535,16 +601,21 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     assert(count <= n->capacity && cutoff > 0);
     n->count = count;
     n->cutoff = cutoff;
+    n->has_gaps = false;
     /* the largest size is the upper limit of its level: sizes within a factor of two have one level */
     const int halves = ilogb(largest / least), most = NEIGHBOURS_LEVELS - 1;
     n->edge = (1 + BIN_HAIR) * cutoff * ldexp(largest, halves < most ? -halves : -most);
     /* a margin of one bin of any level: adjacent bins have no negative coordinates */
-    double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
+    const double margin = cutoff * 2 * largest;
+    if (bbox_longest(box) > many_bins * margin && !narrow(n, x, margin, &box, e)) return false;
+    const double span = bbox_longest(box) + 2 * margin;
     /* coordinates of blocks, adjacent ones included, fit into BLOCK_BITS */
     if (span / n->edge > (1 << (BLOCK_BITS + BLOCK_SHIFT)) - 2 * BLOCK_WIDTH)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "the support %g is too small for a surface of size %g: ask for fewer points",
-                         cutoff * least, bbox_longest(box));
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the smallest support, %g, is too small for a surface of size %g: sample its parts in jobs of "
+            "their own, or reduce the ratio of the spacings",
+            cutoff * least, bbox_longest(box));
     n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
     n->unit = ldexp(span, -PLACE_BITS);
     n->per_unit = 1 / n->unit;

@@ -32,12 +32,18 @@
 #define NEIGHBOURS_LEVELS 16 /* sizes up to 1 : 2^15 */
 #define NEIGHBOURS_COLOURS (8 * NEIGHBOURS_LEVELS)
 
-/* The position of a point in units of 2^-30 of the bounding box, and its size. Differences are exact for any
+/* The position of a point in units of 2^-30 of the bounding box (with narrowed gaps), and its size. Differences are exact for any
  * origin. The struct takes a quarter of a cache line. */
 typedef struct neighbours_place {
     int32_t x, y, z;
     float size;
 } neighbours_place;
+
+/* A range without points, across an axis: coordinates from `from` on are reduced by `cut`, the width that it and those
+ * before it lose. */
+typedef struct neighbours_gap {
+    double from, cut;
+} neighbours_gap;
 
 typedef struct neighbours {
     size_t capacity; /* maximum number of points */
@@ -50,6 +56,11 @@ typedef struct neighbours {
     uint32_t *bin_begin;            /* bins + 1: the bin's points in `bin_item` */
     uint16_t *bin_cell;             /* per bin: index of its cell in its block */
     uint32_t *bin_item;             /* points by bin, ascending; or as independent_sets_form leaves them */
+    /* per axis, if points lie far apart: ranges without points, ascending. They are narrowed, so that bins and places
+     * depend on the points and not on the size of the scene */
+    neighbours_gap *gap[3];
+    size_t gaps[3];
+    bool has_gaps;
     vec3 origin;
     double unit, per_unit;   /* world units per unit of place, and its inverse */
     neighbours_place *place; /* per point: position and size at the build, or after neighbours_move */
@@ -106,9 +117,13 @@ static inline void neighbours_block_points(const neighbours *n, size_t from, siz
     *end = n->bin_begin[n->block_begin[to]];
 }
 
+/* x with narrowed gaps. */
+vec3 neighbours_narrowed(const neighbours *n, vec3 x);
+
 /* The place of a point of the given size at x. */
 static inline neighbours_place neighbours_place_of(const neighbours *n, vec3 x, float size)
 {
+    if (n->has_gaps) x = neighbours_narrowed(n, x);
     vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
     return (neighbours_place){(int32_t)d.x, (int32_t)d.y, (int32_t)d.z, size};
 }
