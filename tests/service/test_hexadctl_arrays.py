@@ -270,7 +270,7 @@ def test_specs_are_checked_and_estimated(run, service, tmp_path):
     assert "/sampling/count: " in done.stderr and "/nonsense: " in done.stderr
     (tmp_path / "spec.json").write_text('{"version": 1,\n,}')
     done = run("submit", "spec.json")
-    assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: line 2 column ")
+    assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: a spec must be a valid JSON document: line 2 column ")
 
 
 def test_an_option_that_does_not_belong_to_a_command(run):
