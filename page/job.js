@@ -6,7 +6,7 @@ import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {LivePoints} from "./points.js";
 import {Report} from "./report.js";
-import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, stateOf, timeOf} from "./words.js";
+import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, stateOf, timeOf, warningsOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
 const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
@@ -173,7 +173,7 @@ function Tasks({job, frame, onChoose}) {
     return html`<button key=${task.frame} class=${`frame ${kind}`} aria-pressed=${task.frame === frame}
       title=${`Frame ${task.frame}: ${word}${waits}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
       ><span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
-  })}</div></section>`;
+  })}</div>${warningsOf(tasks).map(text => html`<p class="notice">${text}</p>`)}</section>`;
 }
 
 /** `lines` changes as long as the attempt says something. */

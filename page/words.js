@@ -50,6 +50,32 @@ export function durationOf(seconds) {
   return `${Math.floor(days)} days`;
 }
 
+/** Ascending numbers as "3, 7-12". */
+export function rangesOf(numbers) {
+  const ranges = [];
+  for (const number of numbers) {
+    const last = ranges.at(-1);
+    if (last && last[1] === number - 1) last[1] = number;
+    else ranges.push([number, number]);
+  }
+  return ranges.map(([first, last]) => (first === last ? `${first}` : `${first}-${last}`)).join(", ");
+}
+
+/** The warnings of the frames of an array, each once with its frames. Texts that differ in their numbers only are one warning. */
+export function warningsOf(tasks) {
+  const found = new Map();
+  for (const {frame, notes} of tasks)
+    for (const text of notes?.warnings ?? []) {
+      const key = text.replace(/\d+(\.\d+)*/g, "0");
+      const warning = found.get(key) || {text, varies: false, frames: []};
+      found.set(key, warning);
+      warning.varies ||= warning.text !== text;
+      if (warning.frames.at(-1) !== frame) warning.frames.push(frame);
+    }
+  return [...found.values()].map(({text, varies, frames}) =>
+    `Frame${frames.length > 1 ? "s" : ""} ${rangesOf(frames)}: ${text}${varies ? " (the numbers are those of the first frame)" : ""}`);
+}
+
 /** How long a job ran, or has been running. */
 export function spentOf(job, now = Date.now()) {
   if (!job.started) return "–";
@@ -83,4 +109,4 @@ export function numberOf(value) {
 export const percentOf = fraction => `${Math.floor(100 * fraction)} %`;
 
 /** A name for people: the job's own, or the end of its id. */
-export const nameOf = job => job.name || `job ${job.id.slice(-6)}`;
+export const nameOf = job => job.name || job.input || `job ${job.id.slice(-6)}`;

@@ -195,6 +195,12 @@ export type Usage = {
 export type JobSummary = {
   id: string;
   name: string | null;
+  /**
+   * The name of the first file of the surface, for lists. null: the job has a name, the surface has no file
+   * or an uploaded one, the spec is longer than 16384 characters in a list of jobs, or the job belongs to
+   * another user.
+   */
+  input: string | null;
   owner: string;
   revision: number;
   paused: boolean;

@@ -105,7 +105,6 @@ static char *new_spec(json_at job, const char *points, const command_options *op
     }
     json *output = json_find(spec, "/output");
     if (output) json_remove(output, "directory"); /* the directory of the existing result */
-    if (options->frames) json_put_string(json_put_object(spec, "queue"), "frames", options->frames);
     char *text = json_print(spec);
     json_free(spec);
     return text;

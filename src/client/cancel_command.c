@@ -93,7 +93,7 @@ static int cancel_all(client *c, const command_options *options)
 int command_cancel(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    if (!argument == !options->label_count || options->label_count > 1) {
+    if (!argument == !options->label.count || options->label.count > 1) {
         print_failure("cancel: give either the IDs of jobs or one --label");
         return COMMAND_USAGE;
     }

@@ -225,9 +225,11 @@ static bool perform_for_reply(client *c, const char *path, buffer *b, client_rep
 {
     long status = 0;
     bool ok = perform(c, path, &status, e);
+    curl_off_t again_s = 0;
+    if (ok) curl_easy_getinfo(c->curl, CURLINFO_RETRY_AFTER, &again_s);
     if (ok)
         *reply = (client_reply){status, b->text ? json_parse(b->text, b->length, NULL) : NULL,
-                                strncmp(c->server, UNIX, strlen(UNIX)) == 0};
+                                strncmp(c->server, UNIX, strlen(UNIX)) == 0, (long)again_s};
     free(b->text);
     return ok;
 }

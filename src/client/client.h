@@ -17,6 +17,7 @@ typedef struct client_reply {
     long status;
     json *document; /* NULL if the body is not JSON */
     bool local;     /* over a Unix socket */
+    long again_s;   /* Retry-After; 0: the answer has none */
 } client_reply;
 
 /* `server` is unix:/path, http://HOST:PORT or https://HOST:PORT (of a proxy). `token` may be NULL.

@@ -9,6 +9,7 @@
 #include <sys/types.h>
 
 #include "client/client.h"
+#include "files/file.h"
 
 /* Exit codes of hexadctl. */
 enum {
@@ -24,26 +25,35 @@ enum {
     COMMAND_UNRESOLVED = 11,    /* the job succeeded with the outcome unresolved */
 };
 
-#define COMMAND_LABELS_MOST 32
+/* The values of an option that may be repeated. */
+#define COMMAND_VALUES_MOST 32
+typedef struct command_values {
+    const char *item[COMMAND_VALUES_MOST];
+    size_t count;
+} command_values;
 
 /* The options of the command line; NULL: not given. Only options of the command are set. */
 typedef struct command_options {
     bool json, wait, dependents, yes;
     bool accept;  /* of wait, and of others with `wait`: COMMAND_OK for an accepted outcome (queue.accept) */
     bool several; /* the command line has more than one argument */
-    const char *label[COMMAND_LABELS_MOST];
-    size_t label_count;
-    const char *owner, *state, *name, *text;
+    bool on_service; /* of sample: the argument is a path of the service */
+    command_values label;
+    command_values set;                            /* of submit and sample: see spec/sample_spec.h */
+    command_values depends_on;                     /* of submit: jobs, named as on the command line */
+    const char *count, *spacing, *grade, *pattern; /* of sample */
+    const char *name;                              /* of list: exact; of submit: of the new job */
+    const char *owner, *state, *text;
     const char *since, *until; /* of list: a time, or a duration before now such as "90m" or "90m ago" */
     const char *limit;
     const char *priority;
     const char *key;         /* of submit: the Idempotency-Key */
-    const char *frames;      /* of attach: the frames of the new array, as in queue.frames */
+    const char *frames;      /* of attach and submit: the frames of the new array, as in queue.frames */
     const char *const *mesh; /* of attach: paths as in a spec */
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
-    const char *output;  /* of fetch; NULL: a directory with the job's id as its name */
+    const char *output;  /* of fetch and sample: a directory; NULL: the job's id, or the stem of the file */
     const char *file;    /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the picture to; NULL: none */
     gid_t file_group;    /* of token: the group that may read the system service's file, or TOKEN_NO_GROUP */
@@ -55,7 +65,8 @@ typedef struct command_options {
  * exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
-command command_attach, command_submit, command_validate, command_estimate, command_upload, command_inspect;
+command command_attach, command_sample, command_submit, command_validate, command_estimate, command_upload,
+    command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_deliver, command_delete,
@@ -85,8 +96,8 @@ int command_ask(client *c, const char *method, const char *path, const char *bod
 json *command_next_tasks(client *c, const char *id, double *after, int *code);
 
 /* Prints frames of an array that has ended: those whose outcomes are unresolved or not_converged, a line for
- * each outcome; then a line for each frame with another outcome than converged, a rating other than good,
- * or a warning, at most ten. */
+ * each outcome; then a line for each frame with another outcome than converged or a rating other than good, at
+ * most ten; then a line for each warning with its frames, at most ten. */
 int command_print_frame_outcomes(client *c, json_at job, FILE *file);
 
 /* Prints why jobs wait although workers are free: the queue is held, or the service drains. Prints nothing if
@@ -109,6 +120,21 @@ int command_wait_for_copy(client *c, const char *path, const command_options *op
 
 /* Submits a spec given as text, like command_submit. */
 int command_submit_text(client *c, const char *spec, const command_options *options);
+
+/* Posts a spec given as text, without waiting. On success *job is the job, which the caller frees. */
+int command_post_text(client *c, const char *spec, const command_options *options, json **job);
+
+/* Sends a file with this hash that the caller has opened. On success *document is the answer, which the
+ * caller frees. */
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
+                      json **document);
+
+/* Opens and hashes a regular file. Returns COMMAND_OK, or an exit code after a message; *file is then
+ * NULL. */
+int command_open_file(const char *path, FILE **file, char hex[STORE_HASH_SIZE], uint64_t *bytes);
+
+/* Downloads the results of a job that has ended into a directory, as fetch does, and prints failures only. */
+int command_fetch_into(client *c, const char *id, const char *directory);
 
 /* Whether the job is in a final state. */
 bool command_has_ended(json_at job);

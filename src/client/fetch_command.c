@@ -12,6 +12,7 @@
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "client/command.h"
+#include "client/job_table.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
 #include "files/file.h"
@@ -101,19 +102,25 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
     return code;
 }
 
-/* Prints a warning if the directory has the report of another job. */
-static void warn_of_other_result(const char *directory, json_at results)
+/* Whether a directory has another result than this list of files: a report with other bytes, or one that is
+ * not in the list. */
+static bool has_other_result(const char *directory, json_at results)
 {
     char *path = mem_printf("%s/report.json", directory);
-    for (json_at item = json_first(&results); item.node; item = json_next(&item)) {
-        if (strcmp(json_string(json_member(&item, "name"), ""), "report.json") != 0) continue;
-        if (access(path, F_OK) == 0 && !is_there(path, json_string(json_member(&item, "sha256"), "")))
-            print_failure(
-                "%s has the result of another job: files with the same names are replaced, and the others stay. "
-                "To keep both, name another directory with --output.",
-                directory);
+    bool other = access(path, F_OK) == 0;
+    for (json_at item = json_first(&results); item.node && other; item = json_next(&item)) {
+        if (strcmp(json_string(json_member(&item, "name"), ""), "report.json") == 0)
+            other = !is_there(path, json_string(json_member(&item, "sha256"), ""));
     }
     free(path);
+    return other;
+}
+
+static int refuse_directory(const char *directory)
+{
+    print_failure("%s has another result: name another directory with --output, or remove this one",
+                  directory);
+    return COMMAND_USAGE;
 }
 
 /* Fetches the files that the server lists, report.json last. Files of all frames go to `above`. On
@@ -124,10 +131,10 @@ static int fetch_list(client *c, const char *list, const char *directory, const 
     error e = {0};
     json *found = NULL;
     int code = command_ask(c, "GET", list, NULL, &found);
-    if (code == COMMAND_OK && !store_directory_create(directory, &e)) code = print_failure("%s", e.message);
     json_at root = json_root(found), results = json_member(&root, "results");
     size_t there = 0;
-    if (code == COMMAND_OK) warn_of_other_result(directory, results);
+    if (code == COMMAND_OK && has_other_result(directory, results)) code = refuse_directory(directory);
+    if (code == COMMAND_OK && !store_directory_create(directory, &e)) code = print_failure("%s", e.message);
     for (json_at item = json_first(&results); item.node && code == COMMAND_OK; item = json_next(&item)) {
         bool kept = false;
         bool of_all = frames_is_stage(json_string(json_member(&item, "name"), ""));
@@ -147,6 +154,7 @@ static int fetch_list(client *c, const char *list, const char *directory, const 
 typedef struct fetching {
     const char *id, *directory;
     const command_options *options;
+    bool silent; /* print failures only */
     int *wanted; /* NULL: all */
     size_t wanted_count;
     /* numbers of frames: requested, fetched, not ended, without results */
@@ -167,7 +175,8 @@ static int fetch_frame(client *c, fetching *f, int frame)
     char *list = mem_printf("/v1/jobs/%s/results?frame=%d", f->id, frame),
          *directory = mem_printf("%s/%d", f->directory, frame);
     progress_bar_show_count(&f->bar, f->fetched, f->all);
-    int code = fetch_list(c, list, directory, f->directory, f->options->json || f->bar.terminal, &found);
+    int code = fetch_list(c, list, directory, f->directory, f->silent || f->options->json || f->bar.terminal,
+                          &found);
     if (code == COMMAND_OK) {
         json_at root = json_root(found);
         json *o = json_append_object(f->frames);
@@ -227,6 +236,7 @@ static int sum_up(fetching *f)
         print_document(document);
         json_free(document);
     }
+    if (f->silent && f->fetched == f->all) return COMMAND_OK;
     fprintf(stderr, "%d of %d frames are fetched to ", f->fetched, f->all);
     terminal_text_put(stderr, f->directory);
     if (f->lost) fprintf(stderr, "; %d have no results", f->lost);
@@ -236,7 +246,13 @@ static int sum_up(fetching *f)
     return f->fetched == f->all ? COMMAND_OK : COMMAND_MISSING;
 }
 
-static int fetch_array(client *c, fetching *f)
+/* Prints which job is fetched, unless the output is a document or none. */
+static void print_identity(const fetching *f, json_at job)
+{
+    if (!f->silent && !f->options->json) job_table_print_identity(job, stderr);
+}
+
+static int fetch_array(client *c, fetching *f, json_at job)
 {
     error e = {0};
     const char *given = f->options->frame;
@@ -248,6 +264,11 @@ static int fetch_array(client *c, fetching *f)
         qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare_ints);
         f->all = (int)f->wanted_count;
     }
+    if (has_other_result(f->directory, json_root(NULL))) {
+        free(f->wanted);
+        return refuse_directory(f->directory);
+    }
+    print_identity(f, job);
     f->frames = json_new_array();
     progress_bar_init(&f->bar);
     int code = fetch_tasks(c, f);
@@ -271,12 +292,25 @@ static int fetch_single(client *c, fetching *f, json_at job)
             f->id, json_string(json_member(&job, "state"), "?"), f->id);
         return COMMAND_MISSING;
     }
+    print_identity(f, job);
     char *list = mem_printf("/v1/jobs/%s/results", f->id);
-    int code = fetch_list(c, list, f->directory, f->directory, f->options->json, &found);
+    int code = fetch_list(c, list, f->directory, f->directory, f->silent || f->options->json, &found);
     if (code == COMMAND_OK && f->options->json) print_document(found);
     json_free(found);
     free(list);
     return code;
+}
+
+static int fetch_job(client *c, json_at job, const char *directory, bool silent,
+                     const command_options *options)
+{
+    json_at tasks = json_member(&job, "tasks");
+    fetching f = {.id = json_string(json_member(&job, "id"), ""),
+                  .directory = directory,
+                  .options = options,
+                  .silent = silent,
+                  .all = (int)json_number(json_member(&tasks, "all"), 0)};
+    return json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
 }
 
 int command_fetch(client *c, const char *argument, const command_options *options)
@@ -285,13 +319,22 @@ int command_fetch(client *c, const char *argument, const command_options *option
     char *path = command_job_path(argument, "");
     if (!path) return COMMAND_USAGE;
     int code = command_ask(c, "GET", path, NULL, &document);
-    json_at job = json_root(document), tasks = json_member(&job, "tasks");
-    fetching f = {.id = argument,
-                  .directory = options->output ? options->output : argument,
-                  .options = options,
-                  .all = (int)json_number(json_member(&tasks, "all"), 0)};
     if (code == COMMAND_OK)
-        code = json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f) : fetch_single(c, &f, job);
+        code =
+            fetch_job(c, json_root(document), options->output ? options->output : argument, false, options);
+    json_free(document);
+    free(path);
+    return code;
+}
+
+int command_fetch_into(client *c, const char *id, const char *directory)
+{
+    const command_options plain = {0};
+
+    json *document = NULL;
+    char *path = command_job_path(id, "");
+    int code = path ? command_ask(c, "GET", path, NULL, &document) : COMMAND_USAGE;
+    if (code == COMMAND_OK) code = fetch_job(c, json_root(document), directory, true, &plain);
     json_free(document);
     free(path);
     return code;

@@ -18,7 +18,7 @@
 
 /* Jobs whose ids begin with a text. */
 typedef struct matches {
-    const char *beginning;
+    const char *beginning; /* "": all ids */
     json *jobs;
 } matches;
 
@@ -30,8 +30,14 @@ static bool is_id(const char *name)
 
 bool job_name_is_short(const char *name)
 {
-    return strcmp(name, JOB_NAME_LATEST) == 0 ||
-           (*name && strlen(name) < ID_LENGTH && strspn(name, ULID_ALPHABET) == strlen(name));
+    return !is_id(name);
+}
+
+/* Whether the name may be the beginning of an id. */
+static bool is_beginning(const char *name)
+{
+    size_t length = strlen(name);
+    return length >= JOB_NAME_PREFIX_LEAST && length < ID_LENGTH && strspn(name, ULID_ALPHABET) == length;
 }
 
 /* The earliest or the latest time of a job whose id begins with the text, in the form that a query of the
@@ -79,10 +85,11 @@ static int collect(client *c, const command_options *chosen, bool first_only, ma
     return code;
 }
 
-static int refuse_several(const matches *m)
+static int refuse_several(const char *name, const matches *m)
 {
     json_at jobs = json_root(m->jobs);
-    print_failure("%s is the beginning of %zu job IDs: give more characters", m->beginning, json_size(jobs));
+    print_failure("%s is the %s of %zu jobs: give %s", name, *m->beginning ? "beginning of the IDs" : "name",
+                  json_size(jobs), *m->beginning ? "more characters" : "an ID");
     for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
         fputs("  ", stderr);
         terminal_text_put(stderr, json_string(json_member(&job, "id"), "?"));
@@ -95,50 +102,60 @@ static int refuse_several(const matches *m)
     return COMMAND_USAGE;
 }
 
-/* Finds the caller's only match, or its newest job. */
-static int find(client *c, const char *user, const char *name, char **id)
+/* Sets *id if exactly one of the jobs that the options select matches; without a match it remains NULL.
+ * Several matches are refused, unless `first_only`. */
+static int find(client *c, const command_options *chosen, const char *name, const char *beginning,
+                bool first_only, char **id)
 {
-    bool latest = strcmp(name, JOB_NAME_LATEST) == 0;
-    matches m = {.beginning = latest ? "" : name, .jobs = json_new_array()};
-    char *since = latest ? NULL : moment_of(name, '0', 0), *until = latest ? NULL : moment_of(name, 'z', 1);
-    const command_options chosen = {
-        .owner = user, .since = since, .until = until, .limit = latest ? "1" : "500"};
-    int code = latest || (since && until) ? collect(c, &chosen, latest, &m) : COMMAND_OK;
+    matches m = {.beginning = beginning, .jobs = json_new_array()};
+    int code = collect(c, chosen, first_only, &m);
     json_at jobs = json_root(m.jobs), first = json_first(&jobs);
-    if (code == COMMAND_OK && json_size(jobs) > 1) {
-        code = refuse_several(&m);
-    } else if (code == COMMAND_OK && json_size(jobs) == 1) {
+    if (code == COMMAND_OK && json_size(jobs) > 1 && !first_only)
+        code = refuse_several(name, &m);
+    else if (code == COMMAND_OK && first.node)
         *id = mem_strdup(json_string(json_member(&first, "id"), ""));
-    } else if (code == COMMAND_OK) {
-        if (latest)
-            print_failure("the user %s has no jobs: submit one, or give an ID", user);
-        else
-            print_failure(
-                "no job of this user has an ID that begins with %s: run \"hexadctl list\" for the IDs", name);
-        code = COMMAND_MISSING;
-    }
     json_free(m.jobs);
+    return code;
+}
+
+static int find_latest(client *c, const char *user, char **id)
+{
+    const command_options chosen = {.owner = user, .limit = "1"};
+    int code = find(c, &chosen, JOB_NAME_LATEST, "", true, id);
+    if (code != COMMAND_OK || *id) return code;
+    print_failure("the user %s has no jobs: submit one, or give an ID", user);
+    return COMMAND_MISSING;
+}
+
+static int find_beginning(client *c, const char *user, const char *name, char **id)
+{
+    char *since = moment_of(name, '0', 0), *until = moment_of(name, 'z', 1);
+    const command_options chosen = {.owner = user, .since = since, .until = until, .limit = "500"};
+    int code = since && until ? find(c, &chosen, name, name, false, id) : COMMAND_OK;
     free(since);
     free(until);
     return code;
 }
 
-/* Prints the error for a name that is neither an id nor the beginning of one. */
-static int refuse_word(const char *name)
+static int find_named(client *c, const char *user, const char *name, char **id)
+{
+    const command_options chosen = {.owner = user, .name = name, .limit = "500"};
+    return find(c, &chosen, name, "", false, id);
+}
+
+static int refuse_unknown(const char *user, const char *name)
 {
     char *lower = mem_strdup(name);
     for (char *c = lower; *c; c++)
         if (*c >= 'A' && *c <= 'Z') *c = (char)(*c - 'A' + 'a');
     nearest_name n = nearest_name_to(lower, strlen(lower));
     nearest_name_offer(&n, JOB_NAME_LATEST);
-    print_failure(
-        "%s is not an id of a job: give its 26 characters, the first %d characters or more, or " JOB_NAME_LATEST
-        "%s",
-        name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
-    size_t letters = strspn(lower, "0123456789abcdefghijklmnopqrstuvwxyz");
-    bool word = *lower && letters == strlen(lower); /* the exit code is the same as for an unknown id */
     free(lower);
-    return word ? COMMAND_MISSING : COMMAND_USAGE;
+    print_failure(
+        "the user %s has no job %s: give the 26 characters of an ID, its first %d characters or more, the name "
+        "of a job, or " JOB_NAME_LATEST "%s",
+        user, name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
+    return COMMAND_MISSING;
 }
 
 int job_name_resolve(client *c, const char *name, char **id)
@@ -148,15 +165,18 @@ int job_name_resolve(client *c, const char *name, char **id)
         *id = mem_strdup(name);
         return COMMAND_OK;
     }
-    if (!job_name_is_short(name)) return refuse_word(name);
-    if (strcmp(name, JOB_NAME_LATEST) != 0 && strlen(name) < JOB_NAME_PREFIX_LEAST) {
-        print_failure("%s is too short for the beginning of a job ID: give at least %d characters", name,
-                      JOB_NAME_PREFIX_LEAST);
-        return COMMAND_USAGE;
-    }
     int code = command_ask(c, "GET", "/v1/session", NULL, &session);
     json_at root = json_root(session);
-    if (code == COMMAND_OK) code = find(c, json_string(json_member(&root, "user"), ""), name, id);
+    const char *user = json_string(json_member(&root, "user"), "");
+    char *found = NULL;
+    if (code == COMMAND_OK && strcmp(name, JOB_NAME_LATEST) == 0) {
+        code = find_latest(c, user, &found);
+    } else if (code == COMMAND_OK) {
+        if (is_beginning(name)) code = find_beginning(c, user, name, &found);
+        if (code == COMMAND_OK && !found && *name) code = find_named(c, user, name, &found);
+        if (code == COMMAND_OK && !found) code = refuse_unknown(user, name);
+    }
+    if (code == COMMAND_OK) *id = found;
     json_free(session);
     return code;
 }

@@ -24,6 +24,13 @@ static double number_of(json_at object, const char *key)
     return json_number(json_member(&object, key), 0);
 }
 
+/* The name of a job for lists: its own, that of its input, or "-". */
+static const char *name_of(json_at job)
+{
+    const char *name = text_of(job, "name", "");
+    return *name ? name : text_of(job, "input", "-");
+}
+
 /* The time in this member, in milliseconds; 0: none. */
 static int64_t time_of(json_at object, const char *key)
 {
@@ -106,7 +113,20 @@ void job_table_add(table *t, json_at job)
     table_add(t, mem_strdup(print_duration(job, took, sizeof took)));
     table_add(t, mem_strdup(progress));
     table_add(t, mem_printf("%.0f", number_of(job, "priority")));
-    table_add(t, mem_strdup(text_of(job, "name", "-")));
+    table_add(t, mem_strdup(name_of(job)));
+}
+
+void job_table_print_identity(json_at job, FILE *file)
+{
+    char age[24];
+    const char *name = text_of(job, "name", "");
+    terminal_text_put(file, text_of(job, "id", "?"));
+    if (*name) {
+        fputc(' ', file);
+        terminal_text_put(file, name);
+    }
+    terminal_text_print(file, ", submitted %s ago\n",
+                        print_span(clock_wall_ms() - time_of(job, "created"), age, sizeof age));
 }
 
 table job_table_new_attempts(void)

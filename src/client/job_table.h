@@ -3,6 +3,8 @@
 #ifndef HEXAD_CLIENT_JOB_TABLE_H
 #define HEXAD_CLIENT_JOB_TABLE_H
 
+#include <stdio.h>
+
 #include "client/table.h"
 #include "base/json/json.h"
 
@@ -13,6 +15,9 @@ table job_table_new_attempts(void);
 void job_table_add_attempt(table *t, json_at attempt);
 table job_table_new_frames(void);
 void job_table_add_frame(table *t, json_at task);
+
+/* Prints a line with the id, the name and the age of a job: "ID NAME, submitted 3m ago". */
+void job_table_print_identity(json_at job, FILE *file);
 
 /* Prints one job in full, without its spec. `dependents` is a page of the list of the jobs that depend on it,
  * or no value. */

@@ -92,8 +92,8 @@ int command_list(client *c, const char *argument, const command_options *options
     (void)argument;
     long left = read_limit(options->limit);
     command_options asked = *options;
-    if (options->label_count > 1) print_failure("list: --label is given several times: give it once");
-    if (!left || options->label_count > 1 || !check_moment("--since", options->since) ||
+    if (options->label.count > 1) print_failure("list: --label is given several times: give it once");
+    if (!left || options->label.count > 1 || !check_moment("--since", options->since) ||
         !check_moment("--until", options->until))
         return COMMAND_USAGE;
     int code = COMMAND_OK;

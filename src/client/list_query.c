@@ -43,7 +43,7 @@ char *list_query_path(client *c, const command_options *options, const char *cur
     } parts[] = {
         {"state", options->state},
         {"owner", options->owner},
-        {"label", options->label_count ? options->label[0] : NULL},
+        {"label", options->label.count ? options->label.item[0] : NULL},
         {"name", options->name},
         {"text", options->text},
         {"created_after", since},

@@ -40,6 +40,15 @@ static void draw_bar(progress_bar *b, double fraction)
     b->drawn = true;
 }
 
+void progress_bar_show_text(progress_bar *b, const char *text)
+{
+    if (!b->terminal) return;
+    fputs("\r\033[K", stderr);
+    terminal_text_put(stderr, text);
+    fflush(stderr);
+    b->drawn = true;
+}
+
 void progress_bar_show_count(progress_bar *b, int done, int frames)
 {
     if (!b->terminal) return;

@@ -18,6 +18,7 @@ typedef struct progress_bar {
 void progress_bar_init(progress_bar *b);
 /* `job` as in the answer to GET /v1/jobs/{id} */
 void progress_bar_show(progress_bar *b, json_at job);
+void progress_bar_show_text(progress_bar *b, const char *text);      /* on a terminal only */
 void progress_bar_show_count(progress_bar *b, int done, int frames); /* on a terminal only */
 void progress_bar_clear(progress_bar *b);                            /* removes the bar */
 

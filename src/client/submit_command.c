@@ -13,9 +13,11 @@
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "client/command.h"
+#include "client/job_name.h"
 #include "client/print.h"
 #include "files/file.h"
 #include "files/sent_file.h"
+#include "spec/sample_spec.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
 
@@ -71,10 +73,24 @@ static json *member_of_type(json *object, const char *pointer, json_type type)
     return json_type_of(json_root(found)) == type ? found : NULL;
 }
 
-/* Puts the options into the group `queue` of the spec. Members of a wrong type are unchanged; the server
- * refuses them. */
+/* Whether an option changes the spec. */
+static bool has_changes(const command_options *options)
+{
+    return options->priority || options->name || options->frames || options->label.count ||
+           options->depends_on.count || options->set.count;
+}
+
+/* Appends the values of an option to an array of the group `queue`. */
+static void append_values(json *queue, const char *pointer, const command_values *values)
+{
+    json *list = values->count ? member_of_type(queue, pointer, JSON_ARRAY) : NULL;
+    for (size_t i = 0; list && i < values->count; i++) json_append_string(list, values->item[i]);
+}
+
+/* Puts the options into the spec. Members of a wrong type are unchanged; the server refuses them. */
 static bool apply_options(json *document, const command_options *options)
 {
+    error e = {0};
     char *end = NULL;
     long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
     if (options->priority && (!*options->priority || *end)) {
@@ -82,10 +98,21 @@ static bool apply_options(json *document, const command_options *options)
         return false;
     }
     if (json_type_of(json_root(document)) != JSON_OBJECT) return true;
-    json *queue = member_of_type(document, "/queue", JSON_OBJECT);
-    if (queue && options->priority) json_put_integer(queue, "priority", priority);
-    json *labels = queue && options->label_count ? member_of_type(queue, "/labels", JSON_ARRAY) : NULL;
-    for (size_t i = 0; labels && i < options->label_count; i++) json_append_string(labels, options->label[i]);
+    if (options->name) json_put_string(document, "name", options->name);
+    json *queue = options->priority || options->frames || options->label.count || options->depends_on.count
+                      ? member_of_type(document, "/queue", JSON_OBJECT)
+                      : NULL;
+    if (queue) {
+        if (options->priority) json_put_integer(queue, "priority", priority);
+        if (options->frames) json_put_string(queue, "frames", options->frames);
+        append_values(queue, "/labels", &options->label);
+        append_values(queue, "/depends_on", &options->depends_on);
+    }
+    for (size_t i = 0; i < options->set.count; i++)
+        if (!sample_spec_set(document, options->set.item[i], &e)) {
+            print_failure("submit: %s", e.message);
+            return false;
+        }
     return true;
 }
 
@@ -105,7 +132,7 @@ static char *read_spec(const char *path, const char *given, const command_option
         print_failure("%s: a spec must be a valid JSON document: %s", name_of(path), e.message);
         free(text);
         text = NULL;
-    } else if (options->priority || options->label_count) {
+    } else if (has_changes(options)) {
         free(text);
         text = apply_options(document, options) ? json_print(document) : NULL;
         *length = text ? strlen(text) : 0;
@@ -204,7 +231,23 @@ static int submit(client *c, const char *from, const char *given, const command_
 
 int command_submit(client *c, const char *argument, const command_options *options)
 {
-    return submit(c, argument, NULL, options);
+    command_options own = *options;
+    char *ids[COMMAND_VALUES_MOST] = {NULL};
+    int code = COMMAND_OK;
+    for (size_t i = 0; code == COMMAND_OK && i < own.depends_on.count; i++) {
+        code = job_name_resolve(c, options->depends_on.item[i], &ids[i]);
+        own.depends_on.item[i] = ids[i];
+    }
+    if (code == COMMAND_OK) code = submit(c, argument, NULL, &own);
+    for (size_t i = 0; i < own.depends_on.count; i++) free(ids[i]);
+    return code;
+}
+
+int command_post_text(client *c, const char *spec, const command_options *options, json **job)
+{
+    int code = post_spec(c, JOBS, "the spec", spec, options, job);
+    if (code == COMMAND_OK) command_explain_waiting(c, stderr);
+    return code;
 }
 
 int command_submit_text(client *c, const char *spec, const command_options *options)
@@ -271,20 +314,8 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-/* The extension that identifies the format, such as ".obj" or ".nii.gz"; "" if the name has none. */
-static const char *ending_of(const char *path)
-{
-    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
-    if (!dot || dot == name) return "";
-    if (strcmp(dot, ".gz") != 0) return dot;
-    for (const char *at = dot - 1; at > name; at--)
-        if (*at == '.') return at;
-    return dot;
-}
-
-/* Uploads an open file with this hash, unless the server has it. */
-static int send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
-                     json **document)
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
+                      json **document)
 {
     error e = {0};
     client_reply reply = {0};
@@ -303,27 +334,39 @@ static int send_file(client *c, FILE *file, const char *path, const char *hex, u
     return code;
 }
 
-static int upload_file(client *c, const char *argument, const command_options *options)
+int command_open_file(const char *path, FILE **file, char hex[STORE_HASH_SIZE], uint64_t *bytes)
 {
     error e = {0};
+    struct stat info;
+    int code = COMMAND_USAGE;
+    FILE *opened = fopen(path, "rb");
+    if (!opened)
+        print_failure("cannot read %s: %s. Check the path.", path, strerror(errno));
+    else if (fstat(fileno(opened), &info) != 0 || !S_ISREG(info.st_mode))
+        print_failure("%s is not a regular file: give the path of a file", path);
+    else if (!store_file_hash(fileno(opened), hex, bytes, &e))
+        code = print_failure("%s: %s", path, e.message);
+    else
+        code = COMMAND_OK;
+    if (code == COMMAND_OK)
+        *file = opened;
+    else if (opened)
+        fclose(opened);
+    return code;
+}
+
+static int upload_file(client *c, const char *argument, const command_options *options)
+{
     char hex[STORE_HASH_SIZE] = "";
     uint64_t bytes = 0;
     json *document = NULL;
-    struct stat info;
-    int code = COMMAND_USAGE;
-    FILE *file = fopen(argument, "rb");
-    if (!file)
-        print_failure("cannot read %s: %s. Check the path.", argument, strerror(errno));
-    else if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode))
-        print_failure("%s is not a regular file: give the path of a file", argument);
-    else if (!store_file_hash(fileno(file), hex, &bytes, &e))
-        code = print_failure("%s: %s", argument, e.message);
-    else
-        code = send_file(c, file, argument, hex, bytes, &document);
+    FILE *file = NULL;
+    int code = command_open_file(argument, &file, hex, &bytes);
+    if (code == COMMAND_OK) code = command_send_file(c, file, argument, hex, bytes, &document);
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        terminal_text_print(stdout, STORE_INPUT_PREFIX "%s%s\n", hex, ending_of(argument));
+        terminal_text_print(stdout, STORE_INPUT_PREFIX "%s%s\n", hex, sample_spec_ending(argument));
     if (file) fclose(file);
     json_free(document);
     return code;

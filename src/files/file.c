@@ -392,6 +392,19 @@ bool store_directory_create(const char *path, error *e)
     return ok && store_directory_add(path, e);
 }
 
+bool store_directory_is_free(const char *path, bool empty_too)
+{
+    struct stat info;
+    size_t entries = 0;
+    if (lstat(path, &info) != 0) return errno == ENOENT;
+    DIR *d = empty_too ? opendir(path) : NULL;
+    if (!d) return false;
+    for (const struct dirent *entry; (entry = readdir(d));)
+        entries += strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0;
+    closedir(d);
+    return entries == 0;
+}
+
 bool store_rename(const char *from, const char *to, error *e)
 {
     if (rename(from, to) != 0)

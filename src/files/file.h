@@ -96,6 +96,11 @@ bool store_directory_create(const char *path, error *e);
  * exists, returns true. */
 bool store_directory_add(const char *path, error *e);
 
+/* Whether a command may put a new result there: nothing is at the path or, if `empty_too`, a directory without
+ * entries. The message otherwise is STORE_DIRECTORY_TAKEN with the path. */
+bool store_directory_is_free(const char *path, bool empty_too);
+#define STORE_DIRECTORY_TAKEN "%s exists: name another directory for the result with --output"
+
 /* Flushes a file to disk. A large file is flushed in pieces, so that flushes of other files need not wait for
  * all of it. On failure returns false and sets errno. */
 bool store_flush(int fd);

@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "programs/systemd_units.h"
 #include "service/auth/access.h"
 #include "files/token.h"
 #include "base/core/memory.h"
@@ -16,7 +17,6 @@
 #include "service/config/config_edit.h"
 #include "files/file.h"
 
-#define UNITS "/etc/systemd/system"
 #define DROP_IN_DIRECTORY "hexad.socket.d"
 #define DROP_IN "allow.conf"
 #define RUNTIME "/run/hexad"
@@ -271,37 +271,12 @@ static bool change_socket(const change *w, error *e)
 
 /* ---- systemd */
 
-/* Runs systemctl with these words. Returns its output and error output, which the caller frees. */
-static char *call_systemctl(const char *words, bool *ok)
-{
-    char *command = mem_printf("systemctl %s 2>&1", words), *text = NULL;
-    size_t size = 0;
-    fflush(stdout);
-    FILE *from = popen(command, "re");
-    if (!from || getdelim(&text, &size, '\0', from) < 0) {
-        free(text);
-        text = mem_strdup("");
-    }
-    *ok = from && pclose(from) == 0;
-    free(command);
-    return text;
-}
-
-/* The value of a property of a unit, which the caller frees; "" if systemd does not answer. */
-static char *show_property(const char *words)
-{
-    bool ok;
-    char *text = call_systemctl(words, &ok);
-    if (!ok) *text = '\0';
-    return text;
-}
-
 /* The settings file of hexad.service: the first --config of its ExecStart=, with symbolic links resolved. The
  * caller frees it. NULL: there is none, or systemd does not answer. */
 static char *find_file_of_unit(void)
 {
     static const char option[] = "--config ";
-    char *start = show_property("show --value --property ExecStart hexad.service");
+    char *start = systemd_units_show("show --value --property ExecStart hexad.service");
     char *named = strstr(start, option), *path = NULL;
     if (named) {
         named += strlen(option);
@@ -315,28 +290,10 @@ static char *find_file_of_unit(void)
 /* Whether the unit has TCP ports only, and no Unix socket. systemctl prints an address a line. */
 static bool has_only_ports(void)
 {
-    char *listens = show_property("show --value --property Listen hexad.socket");
+    char *listens = systemd_units_show("show --value --property Listen hexad.socket");
     bool only = *listens && *listens != '\n' && *listens != '/' && !strstr(listens, "\n/");
     free(listens);
     return only;
-}
-
-/* Prints the command and the output of systemctl on separate lines. A failed command is appended to the text
- * *failed, which is freed and replaced. */
-static void obey(const char *words, char **failed)
-{
-    bool ok;
-    char *text = call_systemctl(words, &ok), *rest = text;
-    for (char *line; (line = strsep(&rest, "\n"));)
-        if (*line) terminal_text_print(ok ? stdout : stderr, "systemctl %s: %s\n", words, line);
-    free(text);
-    if (ok) {
-        terminal_text_print(stdout, "systemctl %s: done\n", words);
-        return;
-    }
-    char *all = mem_printf("%s%s`systemctl %s`", *failed, **failed ? ", " : "", words);
-    free(*failed);
-    *failed = all;
 }
 
 /* Makes the service read the settings, and systemd the drop-in. If one command fails, the other is still
@@ -344,8 +301,8 @@ static void obey(const char *words, char **failed)
 static bool reload_both(const change *w, bool drop_in_changed, error *e)
 {
     char *failed = mem_strdup("");
-    obey("try-reload-or-restart hexad.service", &failed);
-    if (drop_in_changed) obey("daemon-reload", &failed);
+    systemd_units_obey("try-reload-or-restart hexad.service", &failed);
+    if (drop_in_changed) systemd_units_obey("daemon-reload", &failed);
     bool ok = !*failed;
     if (!ok && access(BOOTED, F_OK) != 0)
         error_set(e, ERROR_INTERNAL,
@@ -361,15 +318,6 @@ static bool reload_both(const change *w, bool drop_in_changed, error *e)
 }
 
 /* ---- the whole change */
-
-/* The first directory of $SYSTEMD_UNIT_PATH if it is set, since systemd reads units there; otherwise the
- * administrator's directory. The caller frees it. */
-static char *unit_directory(void)
-{
-    const char *path = getenv("SYSTEMD_UNIT_PATH");
-    size_t length = path ? strcspn(path, ":") : 0;
-    return length ? mem_strndup(path, length) : mem_strdup(UNITS);
-}
 
 /* The Unix socket of the service, to be freed; NULL: it has TCP ports only. */
 static char *find_socket(const change *w, const config *settings)
@@ -406,7 +354,7 @@ static bool begin(change *w, const config *settings, config_action action, error
     w->name = settings->admit + w->group;
     w->key = w->group ? "unix_groups" : "unix_users";
     if (!find_file(w, settings->file, e)) return false;
-    char *units = unit_directory();
+    char *units = systemd_units_directory();
     w->drop_in_directory = mem_printf("%s/" DROP_IN_DIRECTORY, units);
     w->drop_in = mem_printf("%s/" DROP_IN, w->drop_in_directory);
     w->socket = find_socket(w, settings);

@@ -35,6 +35,7 @@
 #include "job/report/summary.h"
 #include "spec/attach_spec.h"
 #include "spec/json_schema.h"
+#include "spec/sample_spec.h"
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 #include "files/file.h"
@@ -46,6 +47,7 @@ static const size_t SPEC_LIMIT = 16u << 20;
 static const int64_t DEFAULT_MEMORY_MB = 4096;
 
 #define COMMAND_ATTACH "attach"
+#define COMMAND_SAMPLE "sample"
 
 static volatile sig_atomic_t cancel_requested;
 
@@ -55,7 +57,9 @@ static void request_cancel(int number)
 }
 
 static const char help_text[] =
-    "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
+    "Usage: hexad-worker sample FILE [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise]\n"
+    "                           [--set /MEMBER=VALUE ...] [--output DIR] [option ...]\n"
+    "       hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker attach RESULT MESH [MESH ...] --output DIR [option ...]\n"
     "       hexad-worker inspect FILE [--json] [--preview FILE.png] [option ...]\n"
@@ -64,6 +68,9 @@ static const char help_text[] =
     "       hexad-worker spec-help [MEMBER]\n"
     "       hexad-worker schema\n"
     "\n"
+    "sample: from a file to points: samples the first surface that inspect suggests, and writes the files of run and\n"
+    "the spec (" SAMPLE_SPEC_NAME
+    ") into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
     "estimate: prints the number of points, the area, and the memory and time that the job needs, as a JSON\n"
@@ -78,13 +85,23 @@ static const char help_text[] =
     "those below it. MEMBER is /sampling, sampling/count or count.\n"
     "schema: the same as a JSON Schema.\n"
     "\n"
-    "  --output DIR       directory of the results; created if missing (required)\n"
-    "  --progress         a progress bar on standard error\n"
+    "  --output DIR       directory of the results; created if missing (required, except by inspect and sample)\n"
+    "  --count N          sample: the number of points\n"
+    "  --spacing S        sample: the distance between neighbours, instead of their number\n"
+    "  --grade curvature[=RATIO]\n"
+    "                     sample: closer together where the surface is curved, by up to RATIO (default 4)\n"
+    "  --pattern blue_noise\n"
+    "                     sample: without regular order\n"
+    "  --set /MEMBER=VALUE\n"
+    "                     sample: a member of the spec and its value, JSON or a text: --set /output/mesh=true; may be\n"
+    "                     given several times\n"
+    "  --progress         a progress bar on standard error (sample: by default, if that is a terminal)\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
     "                     without its directory; may be given several times\n"
     "  --memory-mb N      memory limit of a job without limits.memory_mb (MiB, default 4096)\n"
-    "  --most-memory-mb N the largest limits.memory_mb that messages suggest (default: no maximum)\n"
+    "  --most-memory-mb N\n"
+    "                     the largest limits.memory_mb that messages suggest (default: no maximum)\n"
     "  --threads N        maximum number of threads, and the number for a job without solver.threads\n"
     "                     (default: no maximum, and one thread per processor)\n"
     "  --frame N          the frame of a spec with queue.frames\n"
@@ -162,12 +179,20 @@ typedef struct arguments {
     const char *spec_path, *output, *previous, *preview;
     const char *const *meshes; /* of the command attach */
     size_t mesh_count;
+    sample_options sample; /* of the command sample */
+    const char **set;      /* the array of its assignments */
     const char **roots;
     size_t root_count;
     bool progress, json;
     long progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
 } arguments;
+
+static void free_arguments(arguments *a)
+{
+    free(a->roots);
+    free(a->set);
+}
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
 {
@@ -235,6 +260,30 @@ static bool refuse_option(int answer, const char *word, const struct option *opt
     return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; see hexad-worker --help", word);
 }
 
+/* The options of the command sample, as results of getopt_long. */
+enum { OPTION_COUNT = 256, OPTION_SPACING, OPTION_GRADE, OPTION_PATTERN, OPTION_SET };
+
+/* Whether the option is one of the command sample; its value is then stored. */
+static bool take_sample_option(int option, arguments *a)
+{
+    if (option == OPTION_COUNT)
+        a->sample.count = optarg;
+    else if (option == OPTION_SPACING)
+        a->sample.spacing = optarg;
+    else if (option == OPTION_GRADE)
+        a->sample.grade = optarg;
+    else if (option == OPTION_PATTERN)
+        a->sample.pattern = optarg;
+    else if (option == OPTION_SET)
+        a->set[a->sample.set_count++] = optarg;
+    return option >= OPTION_COUNT;
+}
+
+static bool has_sample_option(const sample_options *o)
+{
+    return o->count || o->spacing || o->grade || o->pattern || o->set_count > 0;
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
@@ -249,11 +298,19 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {WORKER_OPTION_SANDBOX, required_argument, NULL, 's'},
                                             {"json", no_argument, NULL, 'j'},
                                             {"preview", required_argument, NULL, 'w'},
+                                            {"count", required_argument, NULL, OPTION_COUNT},
+                                            {"spacing", required_argument, NULL, OPTION_SPACING},
+                                            {"grade", required_argument, NULL, OPTION_GRADE},
+                                            {"pattern", required_argument, NULL, OPTION_PATTERN},
+                                            {"set", required_argument, NULL, OPTION_SET},
                                             {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
+    a->set = mem_alloc((size_t)argc * sizeof *a->set);
+    a->sample.set = a->set;
     opterr = 0;
     for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
+        if (take_sample_option(c, a)) continue;
         if (c == 'o')
             a->output = optarg;
         else if (c == 'p')
@@ -296,9 +353,13 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         a->mesh_count = (size_t)(argc - optind - 1);
         argc = optind + 1;
     }
-    if (argc - optind != 1 || (!a->output && !inspects))
+    bool samples = strcmp(argv[0], COMMAND_SAMPLE) == 0;
+    if (argc - optind != 1 || (!a->output && !inspects && !samples))
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
-                         inspects ? "FILE" : "SPEC.json (or -) and --output DIR");
+                         inspects || samples ? "FILE" : "SPEC.json (or -) and --output DIR");
+    if (!samples && has_sample_option(&a->sample))
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "--count, --spacing, --grade, --pattern and --set are options of sample: omit them");
     if (!inspects && (a->json || a->preview))
         return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
     if (a->preview && build_part_missing(BUILD_PART_PREVIEW))
@@ -484,7 +545,7 @@ done:
     sequence_close(&previous);
     spec_free(s);
     store_roots_close(roots);
-    free(a.roots);
+    free_arguments(&a);
     free(report_path);
     return code;
 }
@@ -492,7 +553,7 @@ done:
 /* Samples the first suggestion of the inspection with the given options, and moves the picture to `to`. */
 static bool draw_preview(const json *inspection, const run_options *options, const char *to, error *e)
 {
-    const json *suggested = inspection_spec(inspection);
+    const json *suggested = sample_spec_suggested(inspection);
     outcome_kind outcome;
     json *report = NULL;
     if (!suggested) return error_set(e, ERROR_NO_SURFACE, "no picture was drawn: the file has no surface");
@@ -583,8 +644,71 @@ static int inspect(int argc, char **argv)
     json_free(inspection);
     free(path);
     store_roots_close(roots);
-    free(a.roots);
+    free_arguments(&a);
     return ok ? WORKER_EXIT_CONVERGED : fail(&e, NULL);
+}
+
+/* Samples the surface of a spec, and writes the spec beside the points. Returns the exit code, or -1 and an
+ * error. */
+static int run_sample(const json *document, const run_options *options, spec_faults *faults, error *e)
+{
+    spec *s = spec_parse(document, faults, e);
+    const bool chosen = s && choose_frame(&s, options->frame, false, faults, e);
+    char *text = json_print(document), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, options->output);
+    terminal_text_print(stdout, "spec: %s\n", text);
+    int code = chosen ? run(s, options, e) : -1;
+    if (code >= 0 && !store_file_write(beside, text, strlen(text), e)) code = -1;
+    if (code >= 0) terminal_text_print(stdout, "the points are in %s/points.ply\n", options->output);
+    spec_free(s);
+    free(text);
+    free(beside);
+    return code;
+}
+
+/* From a file to points, with the spec that an inspection suggests. */
+static int sample(int argc, char **argv)
+{
+    error e = {0};
+    spec_faults faults = {0};
+    arguments a;
+    store_roots *roots = NULL;
+    char *stem = NULL;
+    json *inspection = NULL, *document = NULL;
+    int code = -1;
+    handle_signals();
+    mem_begin();
+    if (!parse_arguments(argc, argv, &a, &e)) goto done;
+    if (!a.output) a.output = stem = sample_spec_stem(a.spec_path);
+    if (!store_directory_is_free(a.output, !stem)) {
+        error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, a.output);
+        goto done;
+    }
+    if (!prepare(&a, &roots, NULL, NULL, &e)) goto done;
+    run_options options = {
+        .output = a.output,
+        .roots = roots,
+        .memory_mb = a.memory_mb,
+        .threads = (int)a.threads,
+        .frame = (int)a.frame,
+        .progress_fd = (int)a.progress_fd,
+        .cancel = &cancel_requested,
+        .leave = leave,
+    };
+    inspection = sample_spec_has_target(&a.sample) && inspection_is_of_mesh(a.spec_path, &options)
+                     ? sample_spec_mesh(a.spec_path)
+                     : inspection_make(a.spec_path, &options, &e);
+    if (!inspection) goto done;
+    if (!(document = sample_spec_make(inspection, a.spec_path, &a.sample, &e))) goto done;
+    options.progress_bar = a.progress || isatty(STDERR_FILENO) == 1;
+    code = run_sample(document, &options, &faults, &e);
+done:
+    if (code < 0) code = fail(&e, &faults);
+    json_free(inspection);
+    json_free(document);
+    store_roots_close(roots);
+    free_arguments(&a);
+    free(stem);
+    return code;
 }
 
 static int make_example(const char *path)
@@ -640,7 +764,8 @@ static int print_spec_help(const char *member)
 
 static int refuse_command(const char *name)
 {
-    static const char *const names[] = {WORKER_COMMAND_RUN,
+    static const char *const names[] = {COMMAND_SAMPLE,
+                                        WORKER_COMMAND_RUN,
                                         WORKER_COMMAND_ESTIMATE,
                                         WORKER_COMMAND_INSPECT,
                                         COMMAND_ATTACH,
@@ -695,6 +820,7 @@ int main(int argc, char **argv)
     if (strcmp(name, COMMAND_ATTACH) == 0) return obey(argc - 1, argv + 1, run);
     if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
     if (strcmp(name, WORKER_COMMAND_INSPECT) == 0) return inspect(argc - 1, argv + 1);
+    if (strcmp(name, COMMAND_SAMPLE) == 0) return sample(argc - 1, argv + 1);
     if (strcmp(name, "--version") == 0) return puts("hexad-worker " VERSION) < 0;
     if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(name, "energies") == 0) return print_energies();

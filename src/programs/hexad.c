@@ -48,6 +48,7 @@
 #include "programs/farm.h"
 #include "programs/maintenance.h"
 #include "programs/open_directory.h"
+#include "programs/open_port.h"
 #include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
 #include "service/results/instance_check.h"
@@ -1227,6 +1228,9 @@ int main(int argc, char **argv)
     case CONFIG_ALLOW:
     case CONFIG_DENY:
         status = admission_change(&s.settings, action);
+        break;
+    case CONFIG_OPEN_PORT:
+        status = open_port(&s.settings);
         break;
     case CONFIG_CHECK_SETTINGS:
         status = check_settings(&s);

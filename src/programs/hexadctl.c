@@ -16,6 +16,7 @@
 #include "client/client.h"
 #include "client/command.h"
 #include "client/job_name.h"
+#include "spec/sample_spec.h"
 
 /* The socket of the systemd service, and the name of the socket of other services. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
@@ -27,11 +28,22 @@
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
-    "  submit SPEC|- [--wait [--accept]] [--priority N] [--label LABEL]... [--key KEY]\n"
-    "                    submit a job and print its ID. --priority replaces the priority in the spec;\n"
-    "                    --label adds labels. With KEY, any text, a repeated submission prints the ID of\n"
-    "                    the first one and creates no second job. If the service detects within 0.2 s that\n"
-    "                    the inputs have a fault, submit prints a warning; the exit code stays 0\n"
+    "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
+    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--output DIR]\n"
+    "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
+    "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
+    ") into DIR,\n"
+    "                    which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
+    "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
+    "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
+    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order\n"
+    "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
+    "       [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
+    "                    submit a job and print its ID. --name, --frames and --priority replace the value\n"
+    "                    in the spec; --label and --depends-on add one. With KEY, any text, a repeated\n"
+    "                    submission prints the ID of the first one and creates no second job. If the\n"
+    "                    service detects within 0.2 s that the inputs have a fault, submit prints a\n"
+    "                    warning; the exit code stays 0\n"
     "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--priority N]\n"
     "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
@@ -64,7 +76,8 @@ static const char usage[] =
     "  fetch ID [--frame FRAMES] [--output DIR]\n"
     "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
-    "                    are not downloaded again: repeat an interrupted fetch\n"
+    "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
+    "                    of another job is refused\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
@@ -92,13 +105,17 @@ static const char usage[] =
     "                    list the tokens\n"
     "  token revoke ID [--file FILE]\n"
     "                    revoke a token, with immediate effect\n"
+    "  help [COMMAND]    print this text, or the part about one command\n"
     "\n"
     "  --server URL    unix:/path, http://HOST:PORT or https://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
     "                  unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
     "                  unix:" STATE_SOCKET "\n"
-    "  ID              the ID of a job; or at least its first 8 characters, if only one of your jobs begins\n"
-    "                  with them; or latest, your newest job. For cancel and delete, the two short forms\n"
-    "                  require --yes\n"
+    "  ID              the ID of a job; or latest, your newest job; or at least the first 8 characters of\n"
+    "                  an ID, or a name, if only one of your jobs has it. For cancel and delete, all but\n"
+    "                  the whole ID require --yes\n"
+    "  --set /MEMBER=VALUE\n"
+    "                  a member of the spec (hexad-worker spec-help lists them) and its value, JSON or a\n"
+    "                  text: --set /output/mesh=true\n"
     "  --label LABEL   a word, often of the form key=value\n"
     "  --state STATES  blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or\n"
     "                  timed_out; several are separated by commas\n"
@@ -132,7 +149,9 @@ static const struct entry {
     need argument;
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
-    {"submit", command_submit, ONE, "--wait --accept --priority --label --key"},
+    {"sample", command_sample, ONE, "--on-service --count --spacing --grade --pattern --set --output"},
+    {"submit", command_submit, ONE,
+     "--wait --accept --set --name --frames --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
@@ -181,15 +200,23 @@ static const struct {
     OPTION("name", name),         OPTION("since", since),
     OPTION("until", until),       OPTION("max-priority", max_priority),
     OPTION("text", text),         OPTION("picture", picture),
-    OPTION("frames", frames),
+    OPTION("frames", frames),     OPTION("count", count),
+    OPTION("spacing", spacing),   OPTION("grade", grade),
+    OPTION("pattern", pattern),
 };
+
+/* Options with a value that may be repeated. */
+static const struct {
+    const char *name;
+    size_t offset;
+} repeated[] = {OPTION("label", label), OPTION("set", set), OPTION("depends-on", depends_on)};
 
 /* Options without a value. */
 static const struct {
     const char *name;
     size_t offset;
 } flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes),
-             OPTION("accept", accept)};
+             OPTION("accept", accept), OPTION("on-service", on_service)};
 
 typedef struct line {
     const struct entry *entry;
@@ -231,36 +258,46 @@ static bool refuse_unknown(const char *kind, const char *word, const char *dashe
 
 static bool refuse_option(const char *word)
 {
-    static const char *const others[] = {"server", "label", "json", "help", "version"};
+    static const char *const others[] = {"server", "json", "help", "version"};
     const char *name = word + strspn(word, "-");
     nearest_name n = nearest_name_to(name, strcspn(name, "="));
     for (size_t i = 0; i < sizeof valued / sizeof *valued; i++) nearest_name_offer(&n, valued[i].name + 2);
+    for (size_t i = 0; i < sizeof repeated / sizeof *repeated; i++)
+        nearest_name_offer(&n, repeated[i].name + 2);
     for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) nearest_name_offer(&n, flags[i].name + 2);
     for (size_t i = 0; i < sizeof others / sizeof *others; i++) nearest_name_offer(&n, others[i]);
     return refuse_unknown("option", word, "--", &n);
+}
+
+static bool add_value(command_values *values, const char *option, const char *value)
+{
+    if (values->count == COMMAND_VALUES_MOST) {
+        terminal_text_print(stderr, "hexadctl: %s is given more than %d times: give it less often\n", option,
+                            COMMAND_VALUES_MOST);
+        return false;
+    }
+    values->item[values->count++] = value;
+    return true;
 }
 
 /* Parses an option with a value. */
 static bool take_valued(line *l, int argc, char **argv, int *index)
 {
     const char *word = argv[*index], *value;
-    size_t i = 0, count = sizeof valued / sizeof *valued;
-    bool server = is_option(word, "--server"), label = is_option(word, "--label");
+    size_t i = 0, count = sizeof valued / sizeof *valued, k = 0, more = sizeof repeated / sizeof *repeated;
+    bool server = is_option(word, "--server");
     while (i < count && !is_option(word, valued[i].name)) i++;
-    if (!server && !label && i == count) return refuse_option(word);
+    while (k < more && !is_option(word, repeated[k].name)) k++;
+    if (!server && i == count && k == more) return refuse_option(word);
     if (!(value = take_value(argc, argv, index))) return false;
-    if (label && l->options.label_count == COMMAND_LABELS_MOST) {
-        fprintf(stderr, "hexadctl: --label is given more than %d times: give fewer labels\n",
-                COMMAND_LABELS_MOST);
-        return false;
-    }
     if (server)
         l->server = value;
-    else if (label)
-        l->options.label[l->options.label_count++] = value;
-    else
+    else if (i < count)
         *(const char **)((char *)&l->options + valued[i].offset) = value;
-    if (!server) l->given[l->given_count++] = label ? "--label" : valued[i].name;
+    else if (!add_value((command_values *)((char *)&l->options + repeated[k].offset), repeated[k].name,
+                        value))
+        return false;
+    if (!server) l->given[l->given_count++] = i < count ? valued[i].name : repeated[k].name;
     return true;
 }
 
@@ -314,7 +351,7 @@ static const char *argument_of(const struct entry *entry)
 {
     if (entry->argument == JOB || entry->argument == JOBS || strcmp(entry->name, "token revoke") == 0)
         return "ID";
-    if (entry->argument == FILES) return "FILE";
+    if (entry->argument == FILES || strcmp(entry->name, "sample") == 0) return "FILE";
     if (strcmp(entry->name, "inspect") == 0) return "PATH";
     return strcmp(entry->name, "token add") == 0 ? "USER" : "SPEC";
 }
@@ -383,14 +420,63 @@ static bool check(const line *l)
     return false;
 }
 
-static bool is_print_only(int argc, char **argv)
+/* Whether a line of the usage begins the text of the command. `name` may be the first of two words, as token.
+ * A line may name several commands, separated by commas. */
+static bool begins_command(const char *text, const char *name)
 {
-    if (argc > 1 && strcmp(argv[1], "help") == 0) return fputs(usage, stdout) >= 0;
-    for (int i = 1; i < argc; i++) {
-        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
-        if (strcmp(argv[i], "--version") == 0) return puts("hexadctl " PACKAGE_VERSION) >= 0;
+    size_t length = strlen(name);
+    if (strncmp(text, "  ", 2) != 0 || text[2] < 'a' || text[2] > 'z') return false;
+    for (const char *at = text + 2;; at += 2) {
+        if (strncmp(at, name, length) == 0 && strchr(" ,\n", at[length])) return true;
+        at += strcspn(at, ", \n");
+        if (*at != ',') return false;
     }
-    return false;
+}
+
+/* Prints the part of the usage about a command. False: there is no such command. */
+static bool print_help_of(const char *name)
+{
+    bool shown = false, within = false;
+    for (const char *text = usage; *text; text += strcspn(text, "\n") + 1) {
+        if (strncmp(text, "   ", 3) != 0) within = begins_command(text, name);
+        if (within && !shown) fputs("usage: hexadctl [--server URL] [--json] COMMAND ...\n\n", stdout);
+        if (within) fwrite(text, 1, strcspn(text, "\n") + 1, stdout);
+        shown |= within;
+    }
+    if (shown) puts("\nhexadctl --help explains ID, options of all commands, and the exit status.");
+    return shown;
+}
+
+/* Prints the part of the usage about the command that the words name, otherwise all of it. Returns an exit
+ * code. `asked`: the words are arguments of `help`, which refuses unknown commands. */
+static int print_help(const char *const *word, size_t count, bool asked)
+{
+    char *both = count > 1 ? mem_printf("%s %s", word[0], word[1]) : NULL;
+    /* the second word may be an argument of the command */
+    bool found = (both && print_help_of(both)) || (count > 0 && print_help_of(word[0]));
+    free(both);
+    if (found) return COMMAND_OK;
+    if (asked && count > 0) return refuse_command(NULL, word[0]) ? COMMAND_OK : COMMAND_USAGE;
+    return fputs(usage, stdout) >= 0 ? COMMAND_OK : COMMAND_FAILED;
+}
+
+/* Whether the command line requests a text only. *code is then the exit code, after printing it. */
+static bool is_print_only(int argc, char **argv, int *code)
+{
+    const char *word[2] = {NULL};
+    size_t count = 0;
+    const bool asked = argc > 1 && strcmp(argv[1], "help") == 0;
+    bool help = asked;
+    for (int i = asked ? 2 : 1; i < argc; i++) {
+        if (strcmp(argv[i], "--version") == 0) {
+            *code = puts("hexadctl " PACKAGE_VERSION) >= 0 ? COMMAND_OK : COMMAND_FAILED;
+            return true;
+        }
+        help = help || strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0;
+        if (argv[i][0] != '-' && count < 2) word[count++] = argv[i];
+    }
+    if (help) *code = print_help(word, count, asked);
+    return help;
 }
 
 /* The value of an environment variable; NULL if it is unset or empty. */
@@ -415,7 +501,7 @@ static void set_default_tokens(command_options *options)
 }
 
 /* Finds the ids of the jobs that the arguments name, or prints an error. A command that cannot be undone
- * accepts a short name only with --yes. */
+ * accepts another name than the whole ID only with --yes. */
 static int resolve_jobs(client *c, const line *l, char **ids)
 {
     bool final = has_word(l->entry->options, "--yes");
@@ -424,7 +510,7 @@ static int resolve_jobs(client *c, const line *l, char **ids)
         const char *name = l->argument[i];
         code = job_name_resolve(c, name, &ids[i]);
         if (code != COMMAND_OK || !final || l->options.yes || !job_name_is_short(name)) continue;
-        terminal_text_print(stderr, "hexadctl %s: %s is short for the job %s: give this ID, or add --yes\n",
+        terminal_text_print(stderr, "hexadctl %s: %s names the job %s: give this ID, or add --yes\n",
                             l->entry->name, name, ids[i]);
         code = COMMAND_USAGE;
     }
@@ -513,11 +599,12 @@ static bool read_line(line *l, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    if (is_print_only(argc, argv)) return COMMAND_OK;
+    int code = COMMAND_OK;
+    if (is_print_only(argc, argv, &code)) return code;
     line l = {.argument = mem_alloc((size_t)argc * sizeof *l.argument),
               .server = default_server(),
               .options.file_group = TOKEN_NO_GROUP};
-    int code = read_line(&l, argc, argv) ? obey(&l) : COMMAND_USAGE;
+    code = read_line(&l, argc, argv) ? obey(&l) : COMMAND_USAGE;
     free(l.argument);
     return code;
 }

@@ -287,6 +287,38 @@ def test_a_failing_systemctl_is_named_and_the_other_command_runs(host, verbs):
     host.expect("--allow", HERE)
 
 
+OPEN_PORT = ["daemon-reload", "stop hexad.service hexad.socket", "start hexad.socket"]
+
+
+def test_open_port_serves_the_page_with_a_first_token(host, source):
+    tokens, drop_in = host.root / "tokens", host.units / "hexad.socket.d/tcp.conf"
+    shown = host.expect("--token_file", tokens, "--open-port", "alice")
+    token = shown.splitlines()[0]
+    assert token.startswith("hexad_") and " alice read,submit,cancel " in tokens.read_text()
+    assert host.calls() == OPEN_PORT and drop_in.stat().st_mode & 0o777 == 0o644
+    example = (source / "systemd/examples/tcp.conf").read_text()
+
+    def settings(text):
+        return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+    assert settings(drop_in.read_text()) == settings(example)
+    assert "open http://127.0.0.1:8642/ in a browser of this machine" in shown
+    drop_in.write_text(example.replace("8642", "9000"))  # an administrator's own
+    again = host.expect("--token_file", tokens, "--open-port", "bob")
+    assert "exists already" in again and "8642" not in again and host.calls() == [] and "9000" in drop_in.read_text()
+    assert [line.split()[1] for line in tokens.read_text().splitlines() if line[0] != "#"] == ["alice", "bob"]
+
+
+def test_open_port_refuses_what_is_no_user_and_names_failures(host):
+    tokens, drop_in = host.root / "tokens", host.units / "hexad.socket.d/tcp.conf"
+    done = host.hexad("--token_file", tokens, "--open-port", "a b")
+    assert done.returncode == 2 and not drop_in.exists() and host.calls() == [] and not tokens.exists()
+    (host.root / "bin/fails").write_text("start\n")
+    done = host.hexad("--token_file", tokens, "--open-port", "alice")
+    assert done.returncode == 1 and "`systemctl start hexad.socket` failed" in done.stderr, done.stderr
+    assert host.calls() == OPEN_PORT
+
+
 @pytest.fixture
 def other(host):
     """A service that systemd does not run."""

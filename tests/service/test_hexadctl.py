@@ -6,6 +6,7 @@ import http.server
 import json
 import os
 import pty
+import re
 import resource
 import select
 import signal
@@ -85,18 +86,27 @@ def test_submit_wait_fetch(run, tmp_path, service):
     assert [j["id"] for j in json.loads(run("list", "--json", "--state", "succeeded").stdout)["jobs"]] == [job]
 
 
-def test_fetch_mentions_what_is_in_the_directory(run, tmp_path, service):
-    first, second = (service.submit(sphere(count=count)) for count in (200, 201))
-    for job in (first, second):
+def test_fetch_refuses_a_directory_with_another_result(run, tmp_path, service):
+    first, second = (service.submit(sphere(count=count, name=f"ball {count}")) for count in (200, 201))
+    array = service.submit(sphere(queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
+    for job in (first, second, array):
         service.wait_state(job, "succeeded")
     files = len(service.get(f"/v1/jobs/{first}/results").json["results"])
-    assert not run("fetch", first, "--output", "out").stderr
+    done = run("fetch", first, "--output", "out")
+    assert done.returncode == 0 and re.fullmatch(f"{first} ball 200, submitted [0-9.]+(ms|s|m) ago\n", done.stderr), done.stderr
     again = run("fetch", first, "--output", "out")
-    assert again.returncode == 0 and again.stderr == f"{files} of {files} files were there already\n"
-    other = run("fetch", second, "--output", "out")
-    assert other.returncode == 0 and "out has the result of another job" in other.stderr
-    assert json.loads((tmp_path / "out/report.json").read_text())["count"] == 201
-    assert not run("fetch", first, "--output", "elsewhere").stderr
+    assert again.returncode == 0 and again.stderr.endswith(f" ago\n{files} of {files} files were there already\n")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    for other in (second, array):
+        refused = run("fetch", other, "--output", "out")
+        assert refused.returncode == 2 and "out has another result: name another directory with --output" in refused.stderr
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert run("fetch", array, "--output", "frames").returncode == 0
+    (tmp_path / "frames/2/report.json").write_bytes(before["report.json"])
+    refused = run("fetch", array, "--output", "frames")
+    assert refused.returncode == 2 and "frames/2 has another result" in refused.stderr
+    assert run("fetch", second, "--output", "elsewhere").returncode == 0
+    assert json.loads((tmp_path / "elsewhere/report.json").read_text())["count"] == 201
 
 
 def test_fetch_before_the_end_names_the_command_that_waits(run, service):
@@ -301,16 +311,61 @@ def test_a_state_is_one_word_of_the_query(run):
 @pytest.mark.sanitized
 def test_usage(run):
     for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
-                  ["--server", "ftp://x", "list"], ["show", "../../etc"], ["list", "--state", "nonsense"]):
+                  ["--server", "ftp://x", "list"], ["list", "--state", "nonsense"], ["help", "nonsense"]):
         assert run(*words).returncode == 2, words
     many = run("submit", *["--wait"] * 1000, "spec.json")
     assert many.returncode == 2 and "too many options" in many.stderr
-    assert run("show", "01aaaaaaaaaaaaaaaaaaaaaaaa").returncode == 4
+    for word in ("01aaaaaaaaaaaaaaaaaaaaaaaa", "../../etc", ""):
+        assert run("show", word).returncode == 4
     text = run("--help")
     assert text.returncode == 0 and "Exit status" in text.stdout
-    for words in (["help"], ["help", "submit"]):
-        assert run(*words).stdout == text.stdout
+    assert run("help").stdout == text.stdout
     assert run("--version").stdout.startswith("hexadctl ")
+
+
+def test_help_of_a_command_is_about_this_command(run):
+    text = run("--help").stdout
+    commands = re.findall(r"^  ([a-z]+(?:, [a-z]+)*) ", text, re.M)
+    assert len(commands) >= 30
+    for command in {name for names in commands for name in names.split(", ")} - {"help"}:
+        done = run("help", command)
+        assert done.returncode == 0 and run(command, "--help").stdout == done.stdout
+        parts = re.findall(r"^  ([a-z]+(?:, [a-z]+)*) ", done.stdout, re.M)
+        assert parts and all(command in part.split(", ") for part in parts), done.stdout
+        assert all(line in text.splitlines() for line in done.stdout.splitlines()[2:-2])
+    assert run("help", "token", "add").stdout.count("token") < run("help", "token").stdout.count("token")
+    unknown = run("help", "sumbit")
+    assert unknown.returncode == 2 and "did you mean submit?" in unknown.stderr
+
+
+def test_options_of_submit_change_the_spec(run, tmp_path, service):
+    first = run("submit", write(tmp_path, sphere(name="first"))).stdout.strip()
+    path = write(tmp_path, sphere(name="old", queue={"labels": ["a"]}))
+    radii = "/queue/by_frame={\"/surface/analytic/radius\": [1, 2, 3]}"
+    done = run("submit", path, "--set", radii, "--name", "shot 010", "--frames", "1-3", "--depends-on", "first", "--depends-on", first[:20],
+               "--label", "b", "--set", "/sampling/count=150", "--set", "/output/mesh=true", "--set", "/queue/max_running=1")
+    assert done.returncode == 0, done.stderr
+    spec = service.job(done.stdout.strip())["spec"]
+    assert spec["name"] == "shot 010" and spec["sampling"]["count"] == 150 and spec["output"]["mesh"] is True
+    assert {key: spec["queue"][key] for key in ("frames", "labels", "depends_on", "max_running")} == {
+        "frames": "1-3", "labels": ["a", "b"], "depends_on": [first, first], "max_running": 1}
+    for words, told, code in ((("--set", "count=5"), "must be /MEMBER=VALUE", 2), (("--set", "/sampling/cuont=5"), "/sampling/cuont", 2),
+                              (("--depends-on", "no such job"), "has no job no such job", 4)):
+        done = run("submit", path, *words)
+        assert done.returncode == code and told in done.stderr and not done.stdout, done.stderr
+
+
+def test_a_job_without_a_name_has_the_name_of_its_input_in_lists(new_service, example, build):
+    service = new_service("--input_roots", example.parent).start()
+    surface = {"vdb": {"path": str(example)}}
+    jobs = {service.submit(sphere(surface=surface)): example.name, service.submit(sphere(surface=surface, name="own")): "own",
+            service.submit(sphere(surface={"union": [{"analytic": {"shape": "sphere", "radius": 1}}, surface]})): example.name,
+            service.submit(sphere()): "-"}
+    done = subprocess.run([build / "hexadctl", "list"], capture_output=True, text=True, timeout=PATIENCE_S, env=service.environment())
+    assert {line.split()[0]: line.split()[-1] for line in done.stdout.splitlines()[1:]} == jobs
+    for job, name in jobs.items():
+        document = service.job(job)
+        assert document["input"] == (None if name in ("own", "-") else name) and document["name"] == ("own" if name == "own" else None)
 
 
 @pytest.mark.sanitized
@@ -375,10 +430,10 @@ def test_prefixes_and_latest_name_jobs_of_the_caller(as_user, tmp_path):
     assert as_user("bob", "show", "latest").stdout.startswith(other)
     assert as_user("alice", "show", first[:20]).stdout.startswith(first)
     refused = as_user("alice", "show", other[:20])  # a job of bob's
-    assert refused.returncode == 4 and f"no job of this user has an ID that begins with {other[:20]}" in refused.stderr
+    assert refused.returncode == 4 and f"the user alice has no job {other[:20]}" in refused.stderr
     assert as_user("alice", "show", other).returncode == 0  # its whole id names it
     refused = as_user("alice", "show", first[:7])
-    assert refused.returncode == 2 and "8 characters" in refused.stderr
+    assert refused.returncode == 4 and "first 8 characters" in refused.stderr
 
 
 def test_a_prefix_of_several_jobs_lists_them(as_user, own_service):
@@ -394,10 +449,25 @@ def test_a_prefix_of_several_jobs_lists_them(as_user, own_service):
     assert all((job in done.stderr) == (job in matches) for job in ids) and "two" in done.stderr, done.stderr
 
 
+def test_names_name_jobs_of_the_caller(as_user, tmp_path):
+    named = {user: as_user(user, "submit", write(tmp_path, sphere(name="shot 020"))).stdout.strip() for user in ("alice", "bob")}
+    for user, job in named.items():
+        assert as_user(user, "wait", "shot 020").stdout.startswith(job)
+        assert as_user(user, "show", "shot 020").stdout.startswith(job)
+    assert as_user("alice", "show", "shot").returncode == 4  # the whole name
+    other = as_user("alice", "submit", write(tmp_path, sphere(name=named["alice"][:20]))).stdout.strip()
+    assert as_user("alice", "show", named["alice"][:20]).stdout.startswith(named["alice"])  # IDs come before names
+    assert as_user("alice", "show", other).stdout.startswith(other)
+    second = as_user("alice", "submit", write(tmp_path, sphere(name="shot 020"))).stdout.strip()
+    refused = as_user("alice", "show", "shot 020")
+    assert refused.returncode == 2 and "shot 020 is the name of 2 jobs: give an ID" in refused.stderr
+    assert named["alice"] in refused.stderr and second in refused.stderr and named["bob"] not in refused.stderr
+
+
 def test_cancel_and_delete_take_short_names_with_yes_only(as_user, tmp_path):
-    job = as_user("alice", "submit", write(tmp_path, sphere())).stdout.strip()
+    job = as_user("alice", "submit", write(tmp_path, sphere(name="only one"))).stdout.strip()
     for command in ("cancel", "delete"):
-        for name in ("latest", job[:20]):
+        for name in ("latest", job[:20], "only one"):
             done = as_user("alice", command, name)
             assert done.returncode == 2 and job in done.stderr and "--yes" in done.stderr, done.stderr
     assert as_user("alice", "wait", "latest").returncode in (0, 10, 11)
@@ -518,9 +588,9 @@ def test_times_below_a_second_are_shown(build, started, finished, waited, took):
     assert row[3:5] == [took, waited], row
 
 
-def test_what_is_no_id_is_answered_with_the_forms_of_an_id(as_user):
+def test_what_names_no_job_is_answered_with_the_forms_of_a_name(as_user):
     for command in ("show", "cancel"):
-        for word in ("lat", "LATEST", "latestt", "01m8gncw8sdja3jftxre567t467"):
+        for word in ("lat", "LATEST", "latestt", "01m8gncw8sdja3jftxre567t467", "a/b?c"):
             done = as_user("alice", command, word)
             assert done.returncode == 4 and "26 characters" in done.stderr and "8 characters or more" in done.stderr, done.stderr
     assert all("did you mean latest?" in as_user("alice", "show", word).stderr for word in ("LATEST", "latestt", "lates"))

@@ -137,7 +137,8 @@ def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
     shown = subprocess.run(words, env=service.environment(), capture_output=True, text=True, timeout=PATIENCE_S).stdout
     failures = shown[shown.index("FRAME  STATE"):].splitlines()
     assert failures[1].split()[:2] == ["10", "failed"] and "a.0010.vdb" in failures[1]
-    assert len(failures) == 3 and failures[2].startswith("frame 9: converged, ")  # of few points
+    assert len(failures) == 4 and failures[2].startswith("frame 9: converged, ")  # of few points
+    assert failures[3].startswith("warning: frame 9: ")
 
 
 @pytest.mark.sanitized
@@ -269,7 +270,7 @@ def test_specs_are_checked_and_estimated(run, service, tmp_path):
     assert "/sampling/count: " in done.stderr and "/nonsense: " in done.stderr
     (tmp_path / "spec.json").write_text('{"version": 1,\n,}')
     done = run("submit", "spec.json")
-    assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: line 2 column ")
+    assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: a spec must be a valid JSON document: line 2 column ")
 
 
 def test_an_option_that_does_not_belong_to_a_command(run):
@@ -412,7 +413,7 @@ def test_show_and_wait_say_which_frames_are_unresolved(run, service):
             assert line.startswith(f"frame {frame}: {'unresolved' if frame in (2, 4, 5) else 'converged'}")
             for name, rating in notes[frame]["ratings"].items():
                 assert (f", {name} {rating['value'] or 0:.3g} {rating['rating']}" in line) == (rating["rating"] not in ("good", None)), line
-            for told in (*(r["message"] for r in notes[frame]["outcome_reasons"]), *notes[frame]["warnings"]):
+            for told in (r["message"] for r in notes[frame]["outcome_reasons"]):
                 assert f"; {told}" in line
     good = service.submit(sphere(100, output={"preview": False}, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}))
     assert not re.search("unresolved|not converged", run("wait", good).stderr)
@@ -425,6 +426,20 @@ def test_ten_frames_with_notes_are_printed(run, service):
     lines = [line for line in run("wait", job).stderr.splitlines() if "packing" not in line]
     assert [line.split(":")[0] for line in lines[-11:-1]] == [f"frame {k}" for k in range(1, 11)], lines
     assert ", hex_fraction" in lines[-2] and lines[-1] == "and 3 more frames with notes"
+
+
+def test_a_warning_of_many_frames_is_printed_once_with_its_frames(run, service):
+    """The walls of frames 2, 3 and 5 are thin, each by another measure."""
+    thickness = [0.5, 0.02, 0.015, 0.5, 0.02]
+    box = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.5]}}
+    job = service.submit({"version": 1, "surface": box, "features": True, "sampling": {"count": 400}, "output": {"preview": False},
+                          "queue": {"frames": "1-5", "by_frame": {"/surface/analytic/half_size": [[1, 1, z] for z in thickness]}}})
+    waited = run("wait", job)
+    warnings = {t["frame"]: t["notes"]["warnings"] for t in service.get(f"/v1/jobs/{job}/tasks").json["tasks"]}
+    assert [frame for frame in warnings if warnings[frame]] == [2, 3, 5] and warnings[2] != warnings[3], warnings
+    for text in (waited.stderr, run("show", job).stdout):
+        lines = [line for line in text.splitlines() if line.startswith("warning: ")]
+        assert lines == [f"warning: frames 2-3, 5: {text} (the numbers are those of the first frame)" for text in warnings[2]]
 
 
 def test_wait_ends_with_zero_for_accepted_outcomes(run, service):

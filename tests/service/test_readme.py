@@ -41,7 +41,8 @@ def the_first_job(source, where, environment):
     told = type_in(rest, where, environment)
     uploaded, end = json.JSONDecoder().raw_decode(told)
     job, _ = json.JSONDecoder().raw_decode(told[end:].lstrip())
-    assert uploaded["sha256"] in (where / "trefoil.json").read_text()
+    assert uploaded["sha256"] in (where / "trefoil/spec.json").read_text()
+    assert b"element vertex 3000" in (where / "trefoil/points.ply").read_bytes()
     assert job["name"] == "trefoil" and job["state"] == "succeeded"
     assert b"element vertex 3000" in (where / "points.ply").read_bytes()
     type_in(local, where, environment)

@@ -87,7 +87,7 @@ def test_messages_are_escaped_in_the_client_and_in_the_log(users):
     path = str(users.where / f"{OVERRIDE}.obj")
     pathlib.Path(path).write_text("v 0 0 nothing\n")
     job = users.submit(surface={"mesh": {"path": path}}, name=OVERRIDE, queue={"labels": [OVERRIDE]})
-    for code, *words in ((1, "wait", job), (0, "show", job), (0, "log", job), (2, "show", OVERRIDE), (2, "list", "--since", OVERRIDE),
+    for code, *words in ((1, "wait", job), (0, "show", job), (0, "log", job), (0, "show", OVERRIDE), (4, "show", f"no {OVERRIDE}"), (2, "list", "--since", OVERRIDE),
                          (2, OVERRIDE), (2, "list", OVERRIDE), (2, "validate", f"{OVERRIDE}.json"), (2, "submit", f"{OVERRIDE}.json"),
                          (2, b"\x9b" + OVERRIDE.encode()), (2, f"--{OVERRIDE}"), (2, "inspect", path)):
         text = shown_text(users.client(*words, code=code, user="eve"))

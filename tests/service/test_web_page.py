@@ -507,6 +507,18 @@ def test_unresolved_frames_are_marked(service, browser):
     assert len(browser.all("button.frame.succeeded")) == 2
 
 
+def test_a_warning_of_several_frames_is_shown_once(service, browser):
+    """The walls of frames 1 and 2 are thin, by other measures."""
+    box = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.5]}}
+    job = service.submit({"version": 1, "surface": box, "features": True, "sampling": {"count": 400}, "output": {"preview": False},
+                          "queue": {"frames": "1-3", "by_frame": {"/surface/analytic/half_size": [[1, 1, 0.02], [1, 1, 0.015], [1, 1, 0.5]]}}})
+    service.wait_state(job, "succeeded")
+    text = service.get(f"/v1/jobs/{job}/tasks").json["tasks"][0]["notes"]["warnings"][0]
+    browser.open(service, f"#/jobs/{job}")
+    browser.wait_text("Frames 1-2: ", "[aria-label=Frames]")
+    assert browser.texts("[aria-label=Frames] .notice") == [f"Frames 1-2: {text} (the numbers are those of the first frame)"]
+
+
 @pytest.fixture
 def narrow(browser):
     """The browser with the screen of a telephone."""

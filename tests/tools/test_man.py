@@ -113,7 +113,7 @@ def test_all_commands_are_completed(source, complete):
     client = (source / "src/programs/hexadctl.c").read_text()
     names = re.findall(r'\{"([a-z -]+)", command_', client)
     assert {"submit", "fetch"} <= set(names)
-    assert set(complete("hexadctl", "")) == {name.split()[0] for name in names}
+    assert set(complete("hexadctl", "")) == {name.split()[0] for name in names} | {"help"}
     for group, _, name in (n.partition(" ") for n in names):
         assert not name or name in complete("hexadctl", group, "")
     assert complete("hexadctl", "su") == ["submit"]

@@ -288,7 +288,7 @@ static inline void expect_listed(place *p, const queue_filter *filter, const cha
     assert_int_equal(count, expected);
     for (size_t i = 0; i < count; i++) {
         assert_string_equal(jobs[i].id, ids[i]);
-        assert_null(jobs[i].spec);
+        assert_int_equal(jobs[i].spec != NULL, !jobs[i].name || !*jobs[i].name); /* all specs are short */
     }
     queue_jobs_free(jobs, count);
 }

@@ -112,6 +112,27 @@ static void test_failures_name_the_path(void **state)
     }
 }
 
+static void test_a_directory_with_files_is_not_free(void **state)
+{
+    (void)state;
+    char *base = make_place(), *directory = mem_printf("%s/new", base),
+         *file = mem_printf("%s/file", directory), *link = mem_printf("%s/link", base);
+    error e = {0};
+    assert_true(store_directory_is_free(directory, false) && store_directory_is_free(directory, true));
+    assert_true(store_directory_create(directory, &e));
+    assert_true(!store_directory_is_free(directory, false) && store_directory_is_free(directory, true));
+    assert_true(store_file_write(file, "x", 1, &e));
+    assert_true(!store_directory_is_free(directory, false) && !store_directory_is_free(directory, true));
+    assert_true(!store_directory_is_free(file, false) && !store_directory_is_free(file, true));
+    assert_int_equal(symlink("nowhere", link), 0);
+    assert_true(!store_directory_is_free(link, false) && !store_directory_is_free(link, true));
+    assert_true(store_remove(base, &e));
+    free(base);
+    free(directory);
+    free(file);
+    free(link);
+}
+
 static void test_directories(void **state)
 {
     (void)state;
@@ -424,6 +445,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_clearing),
+        cmocka_unit_test(test_a_directory_with_files_is_not_free),
         cmocka_unit_test(test_late_commits),
         cmocka_unit_test(test_verified_files),
         cmocka_unit_test(test_a_byte_that_changes_on_the_disk_is_found),

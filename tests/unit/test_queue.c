@@ -1380,6 +1380,22 @@ static void test_list_pages_newest_first(void **state)
     assert_int_equal(in_state[QUEUE_FAILED], 0);
 }
 
+static void test_lists_have_no_long_specs(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char *text = mem_printf("{\"version\":1,\"pad\":\"%*s\"}", 16384, ""), id[ULID_SIZE];
+    queue_job *jobs;
+    size_t count;
+    s.spec = text;
+    submit_for(p, &s, id);
+    assert_true(queue_list(p->q, &(queue_filter){.state = -1, .limit = 10}, &jobs, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_null(jobs[0].spec);
+    queue_jobs_free(jobs, count);
+    free(text);
+}
+
 static void test_list_by_name_and_time(void **state)
 {
     place *p = *state;
@@ -1911,6 +1927,7 @@ int main(void)
         CASE(test_jobs_wait_for_others),
         CASE(test_jobs_wait_for_any_end),
         CASE(test_attempts_come_in_pages),
+        CASE(test_lists_have_no_long_specs),
         CASE(test_list_by_name_and_time),
         CASE(test_lists_are_sorted),
         CASE(test_dependents_of_a_failed_job_fail),

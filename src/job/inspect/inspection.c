@@ -21,6 +21,16 @@ static contents_reader *reader_of(file_format format)
     return file_formats[format].kind == FILE_FORMAT_VOLUMES ? contents_read_dense : contents_read_mesh;
 }
 
+bool inspection_is_of_mesh(const char *path, const run_options *options)
+{
+    bool is_directory = false;
+    int fd = store_open_place(options->roots, path, &is_directory, NULL);
+    if (fd < 0) return false;
+    bool is_mesh = !is_directory && reader_of(file_format_of_file(fd, path)) == contents_read_mesh;
+    close(fd);
+    return is_mesh;
+}
+
 json *inspection_make(const char *path, const run_options *options, error *e)
 {
     bool is_directory = false;
@@ -42,17 +52,4 @@ json *inspection_make(const char *path, const run_options *options, error *e)
     }
     close(fd);
     return o;
-}
-
-const json *inspection_spec(const json *inspection)
-{
-    const json *found = NULL;
-    json_at root = json_root(inspection), list = json_member(&root, "suggestions");
-    for (json_at item = json_first(&list); item.node; item = json_next(&item)) {
-        json_at spec = json_member(&item, "spec");
-        if (!spec.node) continue;
-        if (json_bool(json_member(&item, "measured"), false)) return spec.node;
-        if (!found) found = spec.node;
-    }
-    return found;
 }

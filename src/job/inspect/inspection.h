@@ -16,11 +16,11 @@
  * options->roots. NULL: the file cannot be read; the errors are those of a job that reads it. */
 json *inspection_make(const char *path, const run_options *options, error *e);
 
+/* Whether the file is a mesh, by its name and first bytes. A mesh has one surface, so that its spec needs no
+ * inspection if the number of points is known (spec/sample_spec.h). */
+bool inspection_is_of_mesh(const char *path, const run_options *options);
+
 /* Prints the inspection as text for readers. */
 void inspection_print(const json *inspection, FILE *out);
-
-/* Returns the first suggestion that can be sampled, preferably one whose surface was measured; NULL: none. It
- * is owned by the inspection. */
-const json *inspection_spec(const json *inspection);
 
 #endif

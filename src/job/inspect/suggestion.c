@@ -13,9 +13,10 @@
 #include "job/report/report.h"
 #include "sampling/measures/measures.h"
 #include "sampling/sizing/clearance.h"
+#include "spec/sample_spec.h"
 
 /* Minimum and maximum number of points of a suggested spec; the maximum takes seconds. */
-static const double FEWEST = 2000, MOST = 100000;
+static const double FEWEST = 2000, MOST = SAMPLE_SPEC_COUNT_MOST;
 /* Limits of the work of an inspection, independent of the machine: cells scanned over all surfaces (those of
  * a cube of 256 voxels), and voxels read to open the surfaces. */
 static const double MOST_CELLS = 4e5, MOST_VOXELS = 3e8;

@@ -8,6 +8,7 @@
 
 #include "service/api/paths.h"
 #include "base/core/clock.h"
+#include "files/sent_file.h"
 #include "service/http/reply.h"
 #include "service/results/result.h"
 
@@ -140,12 +141,37 @@ unsigned job_json_outcomes(unsigned accept)
     return accept << QUEUE_CONVERGED;
 }
 
+/* The first path of a file in a part of a spec; NULL: none. */
+static const char *first_path(const json_at *at)
+{
+    const char *found = NULL;
+    for (json_at member = json_first(at); member.node && !found; member = json_next(&member)) {
+        const bool is_path = member.key && strcmp(member.key, "path") == 0;
+        found = is_path ? json_string(member, NULL) : first_path(&member);
+    }
+    return found;
+}
+
+/* Adds `input`: the name of the first file of the surface, for a job without a name of its own. Uploaded files
+ * have no names. */
+static void put_input(json *object, const queue_job *job, bool own)
+{
+    char name[STORE_INPUT_NAME_SIZE];
+    const bool wanted = own && job->spec && (!job->name || !*job->name);
+    json *document = wanted ? json_parse(job->spec, strlen(job->spec), NULL) : NULL;
+    json_at root = json_root(document), surface = json_member(&root, "surface");
+    const char *path = first_path(&surface), *slash = path ? strrchr(path, '/') : NULL;
+    json_put_string(object, "input", path && sent_file_match(path, name) ? NULL : slash ? slash + 1 : path);
+    json_free(document);
+}
+
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
 {
     bool own = viewer != JOB_JSON_READER;
     json *o = json_new_object();
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
+    put_input(o, job, own);
     json_put_string(o, "owner", job->owner ? job->owner : "");
     json_put_integer(o, "revision", job->revision);
     json_put_string(o, "state", queue_state_name(job->state));

@@ -225,6 +225,7 @@ static const struct action {
     {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
     {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
     {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
+    {"open-port", CONFIG_OPEN_PORT, "a user", offsetof(config, admit)},
 };
 enum { ACTION_COUNT = sizeof actions / sizeof *actions };
 
@@ -544,7 +545,7 @@ void config_print_help(FILE *file)
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
         "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
         "       hexad [--config FILE] [--KEY VALUE]... --check-settings [--strict]\n"
-        "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP\n"
+        "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP | --open-port USER\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
         "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
@@ -568,6 +569,10 @@ void config_print_help(FILE *file)
         "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
         "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"
         "  --deny USER      revokes this access\n"
+        "  --open-port USER opens the port 127.0.0.1:8642 of the service that systemd runs, for the web page and for\n"
+        "                   other clients of this machine: creates a token for USER, writes the drop-in\n"
+        "                   hexad.socket.d/tcp.conf, and restarts the service, which ends running attempts as a\n"
+        "                   drain does. It prints the address and the token; run it as root\n"
         "  --check-settings checks the settings and starts nothing. It warns of users, groups and\n"
         "                   directories that do not exist, or that the user of this command cannot use,\n"
         "                   and of a state directory that other users can write to: run it as the user of\n"
@@ -582,7 +587,7 @@ void config_print_help(FILE *file)
         "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
         "With --check-settings: 0 no fault, possibly with warnings, 2 bad settings; with --strict also 1\n"
         "hexad would not start.\n"
-        "With --allow and --deny: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
+        "With --allow, --deny and --open-port: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
         "Settings, as options and as keys of the file; options take precedence:\n",
         file);

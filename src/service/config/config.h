@@ -90,7 +90,8 @@ typedef struct config {
     /* Not settings; NULL if the command line does not have them. */
     char *file;   /* the last --config */
     char *backup; /* with CONFIG_BACKUP: the file to write */
-    char *admit;  /* with CONFIG_ALLOW and CONFIG_DENY: a user or @GROUP, not empty */
+    char *
+        admit; /* with CONFIG_ALLOW and CONFIG_DENY: a user or @GROUP, with CONFIG_OPEN_PORT: a user; not empty */
     char **place; /* for each row of the table: FILE:LINE of the value; NULL: a default or an option */
 } config;
 
@@ -104,7 +105,8 @@ typedef enum config_action {
     CONFIG_CHECK,
     CONFIG_CHECK_SETTINGS,
     CONFIG_ALLOW,
-    CONFIG_DENY
+    CONFIG_DENY,
+    CONFIG_OPEN_PORT
 } config_action;
 
 /* Reads the defaults, then the file of `--config FILE`, then the options. The caller frees the members with

@@ -47,6 +47,13 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     " AND (?14 IS NULL OR EXISTS (SELECT 1 FROM dependency WHERE needs = " NEEDED \
     " AND dependency.job = seq))"
 
+/* The columns of a listing. The spec is read of jobs without a name, which the list calls by their input, if it
+ * is short: a page of 500 jobs then parses a few megabytes. */
+#define LISTED_SPEC_MOST "16384"
+#define LISTED                                                                                      \
+    JOB_COLUMNS ", (SELECT spec FROM spec WHERE spec.job = job.seq AND coalesce(job.name, '') = ''" \
+                " AND length(spec) <= " LISTED_SPEC_MOST ")"
+
 /* A walk of a listing, descending or ascending, between two places (both excluded): (?9, ?10) is the lower
  * and (?12, ?1) the upper. The statement `stop` finds the last place that a page visits, in the index
  * alone. */
@@ -54,10 +61,10 @@ typedef struct walk {
     const char *stop, *list;
 } walk;
 
-#define WALK(key, rows, more, order)                                                                  \
-    {                                                                                                 \
-        "SELECT " key ", seq FROM " rows " ORDER BY " order " LIMIT 1 OFFSET ?13",                    \
-            "SELECT " JOB_COLUMNS " FROM " rows " AND" CONDITIONS more " ORDER BY " order " LIMIT ?2" \
+#define WALK(key, rows, more, order)                                                             \
+    {                                                                                            \
+        "SELECT " key ", seq FROM " rows " ORDER BY " order " LIMIT 1 OFFSET ?13",               \
+            "SELECT " LISTED " FROM " rows " AND" CONDITIONS more " ORDER BY " order " LIMIT ?2" \
     }
 #define BOTH_WAYS(key, rows, more, falling, rising)                   \
     {                                                                 \
@@ -73,14 +80,14 @@ enum { BY_NEED, BY_LABEL, BY_NAME, BY_UNFINISHED_STATE, BY_OWNER, BY_STATE, ALL,
 #define LABEL_WALK(direction)                                                                  \
     {                                                                                          \
         "SELECT NULL, job FROM label" LABELS " ORDER BY job " direction " LIMIT 1 OFFSET ?13", \
-            "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job" LABELS       \
+            "SELECT " LISTED " FROM label CROSS JOIN job ON seq = label.job" LABELS            \
             " AND" CONDITIONS NEEDING " ORDER BY label.job " direction " LIMIT ?2"             \
     }
 #define NEEDS " WHERE needs = " NEEDED " AND dependency.job > ?10 AND dependency.job < ?1"
 #define NEED_WALK(direction)                                                                       \
     {                                                                                              \
         "SELECT NULL, job FROM dependency" NEEDS " ORDER BY job " direction " LIMIT 1 OFFSET ?13", \
-            "SELECT " JOB_COLUMNS " FROM dependency CROSS JOIN job ON seq = dependency.job" NEEDS  \
+            "SELECT " LISTED " FROM dependency CROSS JOIN job ON seq = dependency.job" NEEDS       \
             " AND" CONDITIONS LABELLED " ORDER BY dependency.job " direction " LIMIT ?2"           \
     }
 static const walk age_walks[CONDITION_COUNT][2] = {
@@ -208,7 +215,8 @@ static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_pa
     while (ok && database_next(d, s, &ok, e)) {
         if (read.count == capacity)
             read.jobs = mem_resize(read.jobs, (capacity = capacity * 2 + 16) * sizeof *read.jobs);
-        job_row_read(s, 0, &read.jobs[read.count++]);
+        job_row_read(s, 0, &read.jobs[read.count]);
+        read.jobs[read.count++].spec = database_text(s, JOB_COLUMN_COUNT);
     }
     database_end_read(d);
     if (ok)

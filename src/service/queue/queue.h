@@ -132,7 +132,7 @@ typedef struct queue_job {
     char *owner;      /* the user; "": unknown */
     char *labels;     /* a JSON array of strings */
     char *trace;      /* traceparent; NULL: none */
-    char *spec;       /* opaque to the queue; NULL in a listing */
+    char *spec;       /* opaque to the queue; in a listing NULL except for short ones of jobs without name */
     char *paths;      /* see queue_submission; NULL in a listing */
     queue_state state;
     queue_outcome outcome; /* the worst of its tasks */
@@ -270,7 +270,7 @@ typedef struct queue_place {
 } queue_place;
 
 typedef struct queue_page {
-    queue_job *jobs; /* without specs */
+    queue_job *jobs; /* see queue_job.spec */
     size_t count;
     queue_place stop; /* last job that was visited; seq 0: the list ended before, or at the limit */
 } queue_page;

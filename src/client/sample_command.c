@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+/* sample_command: the command sample of hexadctl: from a file to points. It sends the file, asks the service
+ * for a spec that samples it, submits a job, waits for its end and fetches the result. */
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/core/clock.h"
+#include "base/core/file_format.h"
+#include "base/core/frames.h"
+#include "base/core/memory.h"
+#include "base/core/terminal_text.h"
+#include "client/command.h"
+#include "client/print.h"
+#include "client/progress_bar.h"
+#include "files/file.h"
+#include "files/sent_file.h"
+#include "spec/sample_spec.h"
+
+#define ON_SERVICE                                                                                \
+    "put the files below an input root of the service and add --on-service, or run hexad-worker " \
+    "sample on this machine"
+
+/* How long the command asks again for an inspection while the service has as many as it permits (setting
+ * estimates). */
+#define INSPECT_WITHIN_MS 60000
+
+static bool is_mesh_format(file_format format)
+{
+    return format != FILE_FORMAT_UNKNOWN && file_formats[format].kind == FILE_FORMAT_MESHES &&
+           file_formats[format].reading != FILE_FORMAT_NOT_READ;
+}
+
+/* Why a path that is not a single file cannot be sent; NULL: it may be a single file. *is_mesh: whether it is a
+ * mesh. */
+static const char *unsendable(const char *path, bool *is_mesh)
+{
+    struct stat info;
+    if (stat(path, &info) != 0)
+        return frames_is_pattern(path) ? "is a pattern of several files, and one file can be sent" : NULL;
+    if (S_ISDIR(info.st_mode)) return "is a directory, and one file can be sent";
+    FILE *file = S_ISREG(info.st_mode) ? fopen(path, "rb") : NULL;
+    const file_format format = file ? file_format_of_file(fileno(file), path) : FILE_FORMAT_UNKNOWN;
+    if (file) fclose(file);
+    *is_mesh = is_mesh_format(format);
+    return format == FILE_FORMAT_EXR ? "is one image of a stack, and one file can be sent" : NULL;
+}
+
+/* Whether the service has the file from this user. */
+static bool is_known(client *c, const char *hex)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *path = mem_printf("/v1/inputs/%s", hex);
+    bool known = client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200;
+    client_reply_clear(&reply);
+    free(path);
+    return known;
+}
+
+static void print_sending(const char *path, uint64_t bytes, bool known)
+{
+    terminal_text_put(stderr, path);
+    if (known)
+        fputs(": the service has this file\n", stderr);
+    else if (bytes < 1000000)
+        fprintf(stderr, ": sending %.0f kB\n", ceil((double)bytes / 1e3));
+    else
+        fprintf(stderr, ": sending %.1f MB\n", (double)bytes / 1e6);
+}
+
+/* Sends the file unless the service has it. *in_spec is its path in a spec; the caller frees it. */
+static int send_input(client *c, const char *path, bool quiet, char **in_spec)
+{
+    char hex[STORE_HASH_SIZE] = "";
+    uint64_t bytes = 0;
+    FILE *file = NULL;
+    json *document = NULL;
+    int code = command_open_file(path, &file, hex, &bytes);
+    if (code != COMMAND_OK) return code;
+    const bool known = is_known(c, hex);
+    if (!quiet) print_sending(path, bytes, known);
+    if (!known) code = command_send_file(c, file, path, hex, bytes, &document);
+    if (code == COMMAND_OK) *in_spec = mem_printf(STORE_INPUT_PREFIX "%s%s", hex, sample_spec_ending(path));
+    fclose(file);
+    json_free(document);
+    return code;
+}
+
+/* Replaces the path of the sent file at the beginning of a message by the path on the command line. */
+static void name_file(json *problem, const char *in_spec, const char *path)
+{
+    json *detail = problem ? json_find(problem, "/detail") : NULL;
+    const char *text = json_string(json_root(detail), "");
+    const size_t length = strlen(in_spec);
+    if (strncmp(text, in_spec, length) != 0) return;
+    char *named = mem_printf("%s%s", path, text + length);
+    json_set_string(detail, named);
+    free(named);
+}
+
+/* Asks for an inspection, again while the service is busy. If the service cannot inspect a mesh, or not within
+ * its time limit (setting estimate_timeout_s), the surface is the whole mesh. */
+static int inspect(client *c, const char *in_spec, const char *path, bool is_mesh, json **inspection)
+{
+    json *asked = json_new_object();
+    json_put_string(asked, "path", in_spec);
+    char *body = json_print(asked);
+    const int64_t until_ms = clock_monotonic_ms() + INSPECT_WITHIN_MS;
+    int code = COMMAND_OK;
+    progress_bar bar;
+    progress_bar_init(&bar);
+    progress_bar_show_text(&bar, "inspecting the file");
+    for (bool again = true; again;) {
+        error e = {0};
+        client_reply reply = {0};
+        again = false;
+        const bool answered = client_call(c, "POST", "/v1/inputs:inspect", body, strlen(body), &reply, &e);
+        progress_bar_clear(&bar);
+        if (!answered) {
+            code = print_unreachable(&e);
+        } else if (reply.status == 503 && reply.again_s > 0 && clock_monotonic_ms() < until_ms) {
+            again = true;
+            progress_bar_show_text(&bar, "waiting: the service inspects other files");
+            poll(NULL, 0, (int)reply.again_s * 1000);
+        } else if (reply.status == 503 && is_mesh) {
+            *inspection = sample_spec_mesh(in_spec);
+        } else if (reply.status >= 300 || !reply.document) {
+            name_file(reply.document, in_spec, path);
+            code = print_refused(&reply);
+        } else {
+            *inspection = reply.document;
+            reply.document = NULL;
+        }
+        client_reply_clear(&reply);
+    }
+    free(body);
+    json_free(asked);
+    return code;
+}
+
+static sample_options wanted_of(const command_options *options)
+{
+    return (sample_options){.count = options->count,
+                            .spacing = options->spacing,
+                            .grade = options->grade,
+                            .pattern = options->pattern,
+                            .set = options->set.item,
+                            .set_count = options->set.count};
+}
+
+/* Checks what can be checked before the file is sent. *is_mesh: whether it is a mesh; of a path of the service,
+ * by its name. */
+static bool check(const char *path, const char *directory, const command_options *options, bool *is_mesh)
+{
+    error e = {0};
+    const sample_options wanted = wanted_of(options);
+    const char *why = options->on_service ? NULL : unsendable(path, is_mesh);
+    if (options->on_service) *is_mesh = is_mesh_format(file_format_of_name(path));
+    bool ok = !why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE, path, why);
+    ok = ok && sample_spec_check(&wanted, &e);
+    if (ok && !store_directory_is_free(directory, options->output != NULL))
+        ok = error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, directory);
+    if (!ok) print_failure("sample: %s", e.message);
+    return ok;
+}
+
+/* The text of the spec, which the caller frees; NULL after a message. */
+static char *make_spec(const json *inspection, const char *path, const command_options *options)
+{
+    error e = {0};
+    const sample_options wanted = wanted_of(options);
+    json *spec = sample_spec_make(inspection, path, &wanted, &e);
+    char *text = spec ? json_print(spec) : NULL;
+    if (!spec) print_failure("sample: %s", e.message);
+    json_free(spec);
+    return text;
+}
+
+/* Waits for the end of the job, and fetches its result into the directory, with the spec. Returns the exit
+ * code of the wait, or of a fetch that failed. */
+static int take_result(client *c, const char *id, const char *spec, const char *directory,
+                       const command_options *options)
+{
+    error e = {0};
+    char *path = command_job_path(id, ""), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, directory);
+    int code = path ? command_wait_for(c, path, options) : COMMAND_FAILED;
+    const bool has_result = code == COMMAND_OK || code == COMMAND_NOT_CONVERGED || code == COMMAND_UNRESOLVED;
+    int fetched = COMMAND_OK;
+    if (has_result) {
+        fetched = command_fetch_into(c, id, directory);
+        if (fetched == COMMAND_OK && !store_file_write(beside, spec, strlen(spec), &e))
+            fetched = print_failure("%s", e.message);
+    }
+    char *points = mem_printf("%s/points.ply", directory); /* an array has a directory for each frame */
+    if (has_result && fetched == COMMAND_OK && !options->json)
+        terminal_text_print(stdout, "the points are in %s\n", access(points, F_OK) == 0 ? points : directory);
+    free(points);
+    free(path);
+    free(beside);
+    return fetched == COMMAND_OK ? code : fetched;
+}
+
+int command_sample(client *c, const char *argument, const command_options *options)
+{
+    char *stem = sample_spec_stem(argument), *in_spec = NULL, *spec = NULL;
+    const char *directory = options->output ? options->output : stem;
+    json *inspection = NULL, *job = NULL;
+    bool is_mesh = false;
+    int code = check(argument, directory, options, &is_mesh) ? COMMAND_OK : COMMAND_USAGE;
+    if (code == COMMAND_OK && options->on_service)
+        in_spec = mem_strdup(argument);
+    else if (code == COMMAND_OK)
+        code = send_input(c, argument, options->json, &in_spec);
+    if (code == COMMAND_OK) code = inspect(c, in_spec, argument, is_mesh, &inspection);
+    if (code == COMMAND_OK && !(spec = make_spec(inspection, argument, options))) code = COMMAND_USAGE;
+    if (code == COMMAND_OK) {
+        const command_options plain = {.json = options->json};
+        if (!options->json) terminal_text_print(stdout, "spec: %s\n", spec);
+        fflush(stdout);
+        code = command_post_text(c, spec, &plain, &job);
+    }
+    if (code == COMMAND_OK) {
+        json_at root = json_root(job);
+        const char *id = json_string(json_member(&root, "id"), "");
+        /* printed first, so that the id is known if the wait is interrupted */
+        terminal_text_print(stderr, "job %s\n", id);
+        code = take_result(c, id, spec, directory, options);
+    }
+    json_free(inspection);
+    json_free(job);
+    free(stem);
+    free(in_spec);
+    free(spec);
+    return code;
+}

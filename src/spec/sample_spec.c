@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "spec/sample_spec.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/core/memory.h"
+#include "spec/spec_table.h"
+
+/* The largest over the least spacing of --grade curvature without RATIO. With larger values, flat parts have
+ * few points. */
+#define RATIO_DEFAULT 4
+
+const json *sample_spec_suggested(const json *inspection)
+{
+    const json *found = NULL;
+    json_at root = json_root(inspection), list = json_member(&root, "suggestions");
+    for (json_at item = json_first(&list); item.node; item = json_next(&item)) {
+        json_at suggested = json_member(&item, "spec");
+        if (!suggested.node) continue;
+        if (json_bool(json_member(&item, "measured"), false)) return suggested.node;
+        if (!found) found = suggested.node;
+    }
+    return found;
+}
+
+json *sample_spec_mesh(const char *path)
+{
+    json *inspection = json_new_object(), *list = json_put_array(inspection, "suggestions"),
+         *item = json_append_object(list), *document = json_put_object(item, "spec");
+    json_put_bool(item, "measured", false);
+    json_put_string(json_put_object(json_put_object(document, "surface"), "mesh"), "path", path);
+    json_put_integer(json_put_object(document, "sampling"), "count", SAMPLE_SPEC_COUNT_MOST);
+    return inspection;
+}
+
+bool sample_spec_set(json *document, const char *assignment, error *e)
+{
+    const char *equals = strchr(assignment, '=');
+    if (*assignment != '/' || !equals || equals == assignment + 1)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "--set %s: must be /MEMBER=VALUE, such as /sampling/count=5000", assignment);
+    char *pointer = mem_printf("%.*s", (int)(equals - assignment), assignment);
+    json *value = json_parse(equals + 1, strlen(equals + 1), NULL);
+    if (!value) value = json_new_string(equals + 1);
+    bool set = json_set(document, pointer, value);
+    if (!set) {
+        json_free(value);
+        error_set(e, ERROR_SPEC_INVALID, "--set %s: a part of %s has no members: check the path", assignment,
+                  pointer);
+    }
+    free(pointer);
+    return set;
+}
+
+/* Puts the number of an option into an object. NULL as text: the option is not given. */
+static bool put_number(json *object, const char *key, const char *option, const char *text, error *e)
+{
+    if (!text) return true;
+    json *value = json_parse(text, strlen(text), NULL);
+    if (json_type_of(json_root(value)) == JSON_NUMBER) {
+        json_put(object, key, value);
+        return true;
+    }
+    json_free(value);
+    return error_set(e, ERROR_SPEC_INVALID, "%s must be a number (given %s)", option, text);
+}
+
+static bool put_grading(json *sampling, const char *text, error *e)
+{
+    static const char word[] = "curvature";
+    const size_t length = sizeof word - 1;
+    if (!text) return true;
+    const bool named = strncmp(text, word, length) == 0;
+    json *curvature = named ? json_put_object(sampling, word) : NULL;
+    if (named && !text[length]) {
+        json_put_integer(curvature, "ratio", RATIO_DEFAULT);
+        return true;
+    }
+    if (named && text[length] == '=')
+        return put_number(curvature, "ratio", "--grade curvature=RATIO: the ratio", text + length + 1, e);
+    return error_set(e, ERROR_SPEC_INVALID, "--grade must be curvature or curvature=RATIO (given %s)", text);
+}
+
+/* Whether the sampling has a target, such as count or spacing. */
+static bool has_target(json_at sampling)
+{
+    for (const spec_row *row = spec_row_first("/sampling"); row; row = spec_row_next(row))
+        if (row->choice == SPEC_CHOICE_TARGET && json_member(&sampling, spec_row_key(row)).node) return true;
+    return false;
+}
+
+/* Puts the options into a spec that has the surface only. `count`: the suggested one. */
+static bool apply(json *document, const sample_options *o, double count, error *e)
+{
+    json *sampling = json_put_object(document, "sampling");
+    if (o->count && o->spacing)
+        return error_set(e, ERROR_SPEC_INVALID, "--count and --spacing exclude each other: give one of them");
+    if (!put_number(sampling, "count", "--count", o->count, e) ||
+        !put_number(sampling, "spacing", "--spacing", o->spacing, e) || !put_grading(sampling, o->grade, e))
+        return false;
+    if (o->pattern) json_put_string(sampling, "pattern", o->pattern);
+    for (size_t i = 0; i < o->set_count; i++)
+        if (!sample_spec_set(document, o->set[i], e)) return false;
+    sampling = json_find(document, "/sampling"); /* an assignment may have replaced it */
+    if (json_type_of(json_root(sampling)) == JSON_OBJECT && !has_target(json_root(sampling)))
+        json_put_integer(sampling, "count", (int64_t)count);
+    return true;
+}
+
+bool sample_spec_has_target(const sample_options *options)
+{
+    json *document = json_new_object();
+    bool ok = apply(document, options, 0, NULL);
+    json_at root = json_root(document), sampling = json_member(&root, "sampling"),
+            count = json_member(&sampling, "count");
+    /* no permitted count is 0 */
+    bool named = ok && !(json_type_of(count) == JSON_NUMBER && json_number(count, 0) == 0);
+    json_free(document);
+    return named;
+}
+
+bool sample_spec_check(const sample_options *options, error *e)
+{
+    json *document = json_new_object();
+    bool ok = apply(document, options, 0, e);
+    json_free(document);
+    return ok;
+}
+
+/* Sets the error for an inspection without a surface that can be sampled. */
+static void explain_missing(const json *inspection, const char *path, error *e)
+{
+    json_at root = json_root(inspection), list = json_member(&root, "suggestions"), first = json_first(&list),
+            fault = json_member(&first, "error");
+    const char *message = json_string(json_member(&fault, "message"), NULL);
+    if (message)
+        error_set(e, error_code_from_name(json_string(json_member(&fault, "code"), "")), "%s: %s", path,
+                  message);
+    else
+        error_set(e, ERROR_NO_SURFACE,
+                  "%s: no surface was found: inspect shows what the file contains. An image of a stack "
+                  "requires the other images beside it.",
+                  path);
+}
+
+const char *sample_spec_ending(const char *path)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
+    if (!dot || dot == name) return "";
+    if (strcmp(dot, ".gz") != 0) return dot;
+    for (const char *at = dot - 1; at > name; at--)
+        if (*at == '.') return at;
+    return dot;
+}
+
+char *sample_spec_stem(const char *path)
+{
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--;
+    char *whole = mem_printf("%.*s", (int)length, path);
+    const char *slash = strrchr(whole, '/'), *name = slash && slash[1] ? slash + 1 : whole;
+    char *stem = mem_printf("%.*s", (int)(strlen(name) - strlen(sample_spec_ending(name))), name);
+    free(whole);
+    return stem;
+}
+
+/* Puts the name of the job, unless it is longer than a spec permits. */
+static void put_name(json *document, const char *path)
+{
+    char *stem = sample_spec_stem(path);
+    const spec_row *row = spec_row_find("", "name");
+    if ((double)strlen(stem) <= row->high) json_put_string(document, "name", stem);
+    free(stem);
+}
+
+json *sample_spec_make(const json *inspection, const char *path, const sample_options *options, error *e)
+{
+    const json *suggested = sample_spec_suggested(inspection);
+    if (!suggested) {
+        explain_missing(inspection, path, e);
+        return NULL;
+    }
+    json_at root = json_root(suggested), sampling = json_member(&root, "sampling");
+    json *document = json_new_object();
+    json_put_integer(document, "version", 1);
+    put_name(document, path);
+    json_put(document, "surface", json_copy(json_member(&root, "surface").node));
+    if (!apply(document, options, json_number(json_member(&sampling, "count"), 0), e)) {
+        json_free(document);
+        return NULL;
+    }
+    return document;
+}

@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a file to points by one command: hexadctl sample, with a service, and hexad-worker sample, without one."""
+import json
+import subprocess
+
+import numpy
+import pytest
+from scipy.spatial import ConvexHull, cKDTree
+
+from readers import read_columns
+from service import PATIENCE_S, Service
+from volumes import Part, nrrd_header, write_exr, write_nrrd
+
+
+def ellipsoid(path, *half_axes):
+    """A closed mesh of an ellipsoid with 8 000 triangles."""
+    k = numpy.arange(4002) + 0.5
+    height, turn = 1 - 2 * k / len(k), numpy.pi * (1 + 5 ** 0.5) * k  # a spiral of equal areas
+    ring = numpy.sqrt(1 - height ** 2)
+    unit = numpy.c_[ring * numpy.cos(turn), ring * numpy.sin(turn), height]
+    faces = ConvexHull(unit).simplices
+    outward = numpy.einsum("ij,ij->i", numpy.cross(unit[faces[:, 1]] - unit[faces[:, 0]], unit[faces[:, 2]] - unit[faces[:, 0]]),
+                           unit[faces[:, 0]]) > 0
+    faces = numpy.where(outward[:, None], faces, faces[:, ::-1])
+    corners = unit * half_axes
+    path.write_text("".join("v {:.9g} {:.9g} {:.9g}\n".format(*v) for v in corners) +
+                    "".join("f {} {} {}\n".format(*(f + 1)) for f in faces))
+    return path
+
+
+@pytest.fixture
+def service(clean_service):
+    return clean_service
+
+
+@pytest.fixture
+def sample(service, build, tmp_path):
+    """hexadctl sample in the directory of the test."""
+    def call(*words, of=None):
+        return subprocess.run([build / "hexadctl", "sample", *map(str, words)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, env=(of or service).environment(), cwd=tmp_path)
+    return call
+
+
+@pytest.fixture
+def sample_alone(build, tmp_path):
+    """hexad-worker sample in the directory of the test."""
+    def call(*words, code=0):
+        done = subprocess.run([build / "hexad-worker", "sample", *map(str, words)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        return done
+    return call
+
+
+def positions(directory):
+    columns = read_columns((directory / "points.ply").read_bytes())
+    return numpy.c_[columns["x"], columns["y"], columns["z"]]
+
+
+def distances(points):
+    """The distance of each point to its nearest neighbour."""
+    return cKDTree(points).query(points, 2)[0][:, 1]
+
+
+def spec_of(directory):
+    return json.loads((directory / "spec.json").read_text())
+
+
+def jobs(service):
+    return service.get("/v1/jobs").json["jobs"]
+
+
+def test_a_mesh_becomes_points_on_it(sample, service, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = sample("ball.obj", "--count", 500)
+    assert done.returncode == 0, done.stderr
+    points = positions(tmp_path / "ball")
+    assert len(points) == 500 and abs(numpy.linalg.norm(points, axis=1) - 1).max() < 0.01
+    (job,) = jobs(service)
+    assert done.stderr.startswith("ball.obj: sending ") and f"job {job['id']}\n" in done.stderr
+    spec = spec_of(tmp_path / "ball")
+    assert done.stdout.splitlines() == [f"spec: {json.dumps(spec, separators=(',', ':'))}", f"{job['id']} succeeded converged",
+                                        "the points are in ball/points.ply"]
+    assert job["name"] == spec["name"] == "ball" and spec["sampling"] == {"count": 500}
+    there = {p.name for p in (tmp_path / "ball").iterdir()}
+    assert there == {"spec.json"} | {r["name"] for r in service.get(f"/v1/jobs/{job['id']}/results").json["results"]}
+
+
+def test_the_spec_is_the_first_suggestion(sample, service, tmp_path):
+    ellipsoid(tmp_path / "egg.obj", 1, 1, 1.5)
+    assert sample("egg.obj").returncode == 0
+    spec = spec_of(tmp_path / "egg")
+    first = service.post("/v1/inputs:inspect", {"path": spec["surface"]["mesh"]["path"]}).json["suggestions"][0]["spec"]
+    assert spec == {**first, "name": "egg"}
+    assert json.loads((tmp_path / "egg/report.json").read_text())["count"] == first["sampling"]["count"]
+
+
+@pytest.mark.sanitized
+def test_a_directory_with_files_is_refused_before_anything_is_sent(sample, service, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    (tmp_path / "ball").mkdir()
+    for words in (("ball.obj",), ("ball.obj", "--output", ".")):
+        done = sample(*words)
+        assert done.returncode == 2 and "exists: name another directory for the result with --output" in done.stderr, done.stderr
+    assert not jobs(service)
+    assert sample("ball.obj", "--count", 200, "--output", "ball").returncode == 0  # it is given, and has no files
+    again = sample("ball.obj", "--count", 200, "--output", "a/b")
+    assert again.returncode == 0 and again.stderr.startswith("ball.obj: the service has this file\n")
+    assert again.stdout.endswith("the points are in a/b/points.ply\n") and len(positions(tmp_path / "a/b")) == 200
+
+
+def test_the_options_are_those_of_the_spec(sample, tmp_path):
+    ellipsoid(tmp_path / "egg.obj", 1, 1, 2)
+    assert sample("egg.obj", "--spacing", 0.1, "--output", "even").returncode == 0
+    even = distances(positions(tmp_path / "even"))
+    assert abs(numpy.median(even) / 0.1 - 1) < 0.1 and spec_of(tmp_path / "even")["sampling"] == {"spacing": 0.1}
+    done = sample("egg.obj", "--count", 2000, "--grade", "curvature=3", "--output", "graded")
+    assert done.returncode in (0, 11), done.stderr
+    points = positions(tmp_path / "graded")
+    near, tip = distances(points), abs(points[:, 2]) > 1.9
+    assert numpy.median(near[abs(points[:, 2]) < 0.5]) > 1.5 * numpy.median(near[tip])  # the curvature is at least twice as large there
+    assert sample("egg.obj", "--count", 2000, "--grade", "curvature", "--output", "four").returncode in (0, 11)
+    assert spec_of(tmp_path / "four")["sampling"] == {"count": 2000, "curvature": {"ratio": 4}}
+    assert sample("egg.obj", "--count", 2000, "--pattern", "blue_noise", "--output", "noise").returncode in (0, 10, 11)
+    noise = distances(positions(tmp_path / "noise"))
+    hexagonal = even
+    assert numpy.std(noise) / numpy.mean(noise) > 2 * numpy.std(hexagonal) / numpy.mean(hexagonal)
+
+
+def test_values_of_set_are_json_or_texts(sample, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = sample("ball.obj", "--set", "/sampling/density=40", "--set", "/output/preview=false", "--set", "/name=a = b",
+                  "--set", "/queue/labels=[\"x\"]")
+    assert done.returncode == 0, done.stderr
+    spec = spec_of(tmp_path / "ball")
+    assert spec["sampling"] == {"density": 40}  # the suggested count gives way to another target
+    assert spec["output"] == {"preview": False} and spec["name"] == "a = b" and spec["queue"] == {"labels": ["x"]}
+    assert abs(len(positions(tmp_path / "ball")) / (40 * 4 * numpy.pi) - 1) < 0.02
+    assert not (tmp_path / "ball/preview.png").exists()
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("words, told", [
+    (("--count", "many"), "--count must be a number (given many)"),
+    (("--count", "10", "--spacing", "1"), "--count and --spacing exclude each other"),
+    (("--grade", "feature"), "--grade must be curvature or curvature=RATIO (given feature)"),
+    (("--grade", "curvature=high"), "must be a number (given high)"),
+    (("--set", "sampling=1"), "--set sampling=1: must be /MEMBER=VALUE"),
+    (("--set", "/sampling"), "--set /sampling: must be /MEMBER=VALUE"),
+    (("--set", "/version/major=1"), "a part of /version/major has no members"),
+    (("--count", "2.5"), "/sampling/count: "), (("--pattern", "regular"), "/sampling/pattern: "),
+    (("--set", "/sampling/cuont=5"), "/sampling/cuont: ")])
+def test_wrong_options_are_named(sample, sample_alone, service, tmp_path, words, told):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = sample("ball.obj", *words)
+    assert done.returncode == 2 and told in done.stderr, done.stderr
+    assert not jobs(service) and not (tmp_path / "ball").exists()
+    error = json.loads(sample_alone("ball.obj", *words, code=2).stderr.splitlines()[-1])
+    assert told in error["message"]
+
+
+@pytest.mark.sanitized
+def test_what_is_not_one_file_is_not_sent(sample, service, tmp_path):
+    (tmp_path / "scan.zarr").mkdir()
+    for k in range(3):
+        write_exr(tmp_path / f"slice.{k}.exr", Part({"Y": numpy.ones((4, 4), numpy.float32)}))
+    for word, told in (("scan.zarr", "scan.zarr is a directory"), ("slice.####.exr", "slice.####.exr is a pattern of several files"),
+                       ("slice.1.exr", "slice.1.exr is one image of a stack")):
+        done = sample(word)
+        assert done.returncode == 2 and told in done.stderr, done.stderr
+        assert "--on-service" in done.stderr and "hexad-worker sample" in done.stderr
+    values = numpy.ones((4, 4, 4), numpy.float32)
+    (tmp_path / "split.nhdr").write_text("\n".join(nrrd_header(values, None, "raw", "little", ["data file: split.raw"])) + "\n\n")
+    (tmp_path / "split.raw").write_bytes(values.tobytes())
+    done = sample("split.nhdr")
+    assert done.returncode == 2 and "split.nhdr: it names other files, which an uploaded header cannot" in done.stderr, done.stderr
+    done = sample("missing.obj")
+    assert done.returncode == 2 and "cannot read missing.obj: No such file or directory" in done.stderr
+    assert not jobs(service)
+
+
+def test_a_path_of_the_service(sample, new_service, tmp_path):
+    root = tmp_path / "inputs"
+    root.mkdir()
+    ellipsoid(root / "ball.obj", 1, 1, 1)
+    service = new_service("--input_roots", root).start()
+    done = sample("--on-service", root / "ball.obj", "--count", 300, of=service)
+    assert done.returncode == 0 and "sending" not in done.stderr, done.stderr
+    assert spec_of(tmp_path / "ball")["surface"] == {"mesh": {"path": str(root / "ball.obj")}}
+    assert len(positions(tmp_path / "ball")) == 300
+    elsewhere = ellipsoid(tmp_path / "egg.obj", 1, 1, 2)
+    done = sample("--on-service", elsewhere, of=service)
+    assert done.returncode == 2 and "egg.obj" in done.stderr and not (tmp_path / "egg").exists()
+
+
+def test_the_exit_status_is_that_of_the_job(sample, sample_alone, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    for call, words in ((sample, ()), (lambda *w: sample_alone(*w, code=11), ("--output", "alone"))):
+        done = call("ball.obj", "--count", 300, "--set", "/outcome/require/hex_fraction=1", *words)
+        assert done.returncode == 11, done.stderr
+    assert len(positions(tmp_path / "ball")) == len(positions(tmp_path / "alone")) == 300  # there is a result
+    done = sample("ball.obj", "--count", 50000, "--set", "/limits/timeout_s=0.01", "--output", "late")
+    assert done.returncode == 1 and "limit_time" in done.stdout and not (tmp_path / "late").exists()
+    assert "the points are" not in done.stdout
+
+
+def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, tmp_path):
+    (tmp_path / "tube.vdb").write_bytes(example.read_bytes())
+    words = ("tube.vdb", "--count", 700, "--grade", "curvature=2", "--set", "/output/preview=false")
+    assert sample(*words).returncode == 0
+    done = sample_alone(*words, "--output", "alone")
+    first, second, last = done.stdout.splitlines()
+    assert second.startswith("700 points, converged, ") and last == "the points are in alone/points.ply"
+    spec = spec_of(tmp_path / "alone")
+    assert first == f"spec: {json.dumps(spec, separators=(',', ':'))}" and "\r" not in done.stderr  # no bar: it is no terminal
+    assert spec["surface"]["vdb"].pop("path") == "tube.vdb"
+    with_service = spec_of(tmp_path / "tube")
+    assert with_service["surface"]["vdb"].pop("path").endswith(".vdb") and spec == with_service
+    assert (tmp_path / "alone/points.ply").read_bytes() == (tmp_path / "tube/points.ply").read_bytes()
+    again = sample_alone(*words, code=2)  # ./tube exists
+    assert "tube exists: name another directory" in json.loads(again.stderr.splitlines()[-1])["message"]
+
+
+def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
+    x = numpy.arange(24) - 11.5
+    radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
+    write_nrrd(tmp_path / "ball.nii.nrrd", numpy.tanh(8 - radius).astype(numpy.float32))
+    sample_alone("ball.nii.nrrd", "--count", 400)
+    points = positions(tmp_path / "ball.nii")
+    centre = points.mean(axis=0)
+    assert abs(numpy.linalg.norm(points - centre, axis=1) - 8).max() < 0.5
+
+
+def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service):
+    """The service makes one inspection at a time."""
+    service = new_service("--estimates", 1).start()
+    for k in range(4):
+        ellipsoid(tmp_path / f"ball{k}.obj", 1, 1, 1 + k / 10)
+    running = [subprocess.Popen([build / "hexadctl", "sample", f"ball{k}.obj", "--count", "100"], cwd=tmp_path, text=True,
+                                env=service.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) for k in range(4)]
+    for process in running:
+        out, err = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 0, err
+    assert sorted(job["name"] for job in jobs(service)) == [f"ball{k}" for k in range(4)]
+
+
+def test_the_document_of_the_job(build, service, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = subprocess.run([build / "hexadctl", "--json", "sample", "ball.obj", "--count", "100"], capture_output=True, text=True,
+                          timeout=PATIENCE_S, env=service.environment(), cwd=tmp_path)
+    assert done.returncode == 0 and json.loads(done.stdout)["state"] == "succeeded", done.stderr
+    assert len(positions(tmp_path / "ball")) == 100
+
+
+@pytest.mark.parametrize("options", [("--estimates", 0), ("--estimate_timeout_s", 0.01)])
+def test_a_mesh_needs_no_inspection_but_a_volume_does(new_service, sample, example, tmp_path, options):
+    service = new_service("--input_roots", tmp_path, *options).start()
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    for words in (("ball.obj",), ("--on-service", tmp_path / "ball.obj", "--output", "again")):
+        done = sample(*words, "--count", 300, of=service)
+        assert done.returncode == 0, done.stderr
+    assert len(positions(tmp_path / "ball")) == len(positions(tmp_path / "again")) == 300
+    done = sample(example, of=service)
+    assert done.returncode == 1, done.stderr
+    assert ("does not inspect files: the setting estimates is 0" if options[1] == 0 else "inspection took longer than 0.01 s") in done.stderr
