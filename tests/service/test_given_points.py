@@ -232,6 +232,7 @@ def test_points_on_a_mesh_are_refined_and_kept(run, tmp_path, ball):
     assert report["outcome"] == "converged" and (columns["kept"] == 1).sum() == 500
 
 
+@pytest.mark.sanitized
 def test_points_on_sharp_edges_are_kept_and_refined(run, tmp_path):
     """Given points take the places of samples of the edges that are near."""
     _, old = run(on_cube(job(600)), "before")

@@ -114,6 +114,7 @@ def sharp(k, random):
     return kinds[k % 4]().rotated(random)
 
 
+@pytest.mark.sanitized
 def test_normals_faces_and_corners_agree_at_edges(run):
     """In the result, and when it is attached to the mesh that it lies on."""
     for k, random in cases():
