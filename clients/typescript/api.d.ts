@@ -851,7 +851,9 @@ export type JobSpec = {
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
      * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
+     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
+     * and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -2012,7 +2014,9 @@ export type AnsweredSpec = {
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
      * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
+     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
+     * and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */

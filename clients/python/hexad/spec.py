@@ -1053,7 +1053,9 @@ class AttributesItem(_AttributesItemRest):
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
         or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
         of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the
-        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight
+        (the quadrature weight: the sum of weight times f approximates the integral of f; excludes
+        sampling.attach and given points with mode avoid).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv

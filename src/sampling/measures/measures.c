@@ -516,6 +516,29 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     return ok;
 }
 
+/* Sets out_weight. A piece whose cells have no area gives each of its points the same weight. */
+static bool set_weights(const measures_input *in, const facets *f, const voronoi_cells *c,
+                        const point_table *t, measures *out, error *e)
+{
+    double *cells = mem_array(f->piece_count, sizeof *cells, what, e);
+    size_t *points = cells ? mem_array(f->piece_count, sizeof *points, what, e) : NULL;
+    for (size_t i = 0; points && i < t->count; i++) {
+        cells[piece_of(t, i)] += voronoi_cell_area(c, i);
+        points[piece_of(t, i)]++;
+    }
+    for (size_t i = 0; points && i < t->count; i++) {
+        const uint32_t p = piece_of(t, i);
+        in->out_weight[i] = cells[p] > 0 ? voronoi_cell_area(c, i) * (f->piece_area[p] / cells[p])
+                                         : f->piece_area[p] / (double)points[p];
+    }
+    for (size_t p = 0; points && p < f->piece_count; p++)
+        if (points[p] == 0) out->area_without_points += f->piece_area[p];
+    const bool ok = points != NULL;
+    free(cells);
+    free(points);
+    return ok;
+}
+
 static sites sites_of(const measures_input *in, const point_table *t)
 {
     sites s = {.count = t->count,
@@ -586,6 +609,7 @@ static bool take(const measures_input *in, facets *f, threads *pool, point_table
     double energy = t->energy.plain;
     for (size_t i = 0; t->has_odd && i < in->count; i++) energy += t->energy.odd[i] / (t->ideal[i] / 6);
     out->energy_excess = energy / (double)in->count - 1;
+    if (in->out_weight && !set_weights(in, f, c, t, out, e)) return false;
     return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
 }
 
