@@ -131,6 +131,27 @@ def test_weights_of_points_that_do_not_represent_the_surface_are_refused(build, 
     assert done.returncode == 2 and told in str(last_words(done)) and '"weight"' in str(last_words(done))
 
 
+def test_a_result_with_weights_is_attached_without_making_them_again(build, tmp_path):
+    cube(tmp_path / "cube.obj")
+    cube(tmp_path / "larger.obj", 2.0)
+    spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "cube.obj")}}, "sampling": {"count": 100},
+            "attributes": WEIGHT + [{"from": "geometry", "name": "source"}], "output": {"preview": False, "points_npz": True}}
+    for words in (["run", "-", "--output", tmp_path / "a"],
+                  ["attach", tmp_path / "a", tmp_path / "larger.obj", "--output", tmp_path / "b"]):
+        done = subprocess.run([build / "hexad-worker", *words], input=json.dumps(spec), text=True, capture_output=True, timeout=PATIENCE_S)
+        assert done.returncode in (0, 10, 11), done.stderr
+    first, second = (numpy.load(tmp_path / name / "points.npz") for name in "ab")
+    assert (first["weight"] == second["weight"]).all() and abs(second["position"]).max() > 1.9
+    assert "weights" not in json.loads((tmp_path / "b" / "report.json").read_text())
+
+
+def test_a_job_with_weights_is_estimated(build, tmp_path):
+    spec = {"version": 1, "surface": TORUS, "sampling": {"count": 1000}, "attributes": WEIGHT, "output": {"preview": False}}
+    done = subprocess.run([build / "hexad-worker", "estimate", "-", "--output", tmp_path / "a"], input=json.dumps(spec), text=True,
+                          capture_output=True, timeout=PATIENCE_S, check=True)
+    assert json.loads(done.stdout)["seconds"] > 0
+
+
 def test_the_guide_integrates_and_solves(build, source, tmp_path):
     """The blocks of Python of doc/guide.md print small errors."""
     section = (source / "doc/guide.md").read_text().split("## Integrate over a surface\n")[1].split("\n## ")[0]

@@ -7,7 +7,7 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
-#include "sampling/weights/lu.h"
+#include "sampling/weights/elimination.h"
 #include "sampling/weights/triangle_moments.h"
 
 enum {
@@ -15,8 +15,13 @@ enum {
     TERMS = (QUADRATURE_DEGREE + 1) * (QUADRATURE_DEGREE + 2) / 2,
     LAST_TERMS = QUADRATURE_DEGREE + 1, /* polynomials of the highest degree */
     SIZE = NODES + TERMS,
-    STRIDE = (SIZE + 7) / 8 * 8,
-    SIDES = 1 + LAST_TERMS, /* right sides of a system */
+    /* Right sides of a system: the integrals; the area on the surface of a unit weight of each node; 1 for each of the
+     * last terms. */
+    OF_INTEGRALS = SIZE,
+    OF_AREAS,
+    OF_LAST_TERMS,
+    COLUMNS = OF_LAST_TERMS + LAST_TERMS,
+    STRIDE = (COLUMNS + 7) / 8 * 8,
     /* Points around a triangle, ring by ring, from which the nearest ones are chosen. Six rings of a hexagonal
      * lattice have 147 points, the nearest 80 lie within four to five. */
     RINGS_LEAST = NODES * 3 / 2,
@@ -54,9 +59,7 @@ typedef struct candidate {
 /* Memory of a worker. */
 typedef struct workspace {
     double matrix[SIZE * STRIDE];
-    double side[SIZE * SIDES];
     double x[NODES], y[NODES], stretch[NODES];
-    int pivot[SIZE];
     uint32_t table[1 << TABLE_BITS]; /* the points in `near`, hashed: index + 1 */
     uint32_t near[RINGS_MOST];
     candidate candidate[RINGS_MOST];
@@ -238,31 +241,37 @@ static void fill_terms(workspace *w)
         memset(w->matrix + (NODES + k) * STRIDE + NODES, 0, TERMS * sizeof(double));
 }
 
-/* The first right side has the integrals over the triangle. The others are 1 for one of the last terms. */
 static void fill_sides(const double corner[3][2], workspace *w)
 {
     double moment[TERMS];
     triangle_moments_monomials(corner, QUADRATURE_DEGREE, moment);
-    memset(w->side, 0, sizeof w->side);
-    for (int i = 0; i < NODES; i++) w->side[i * SIDES] = triangle_moments_distance7(corner, w->x[i], w->y[i]);
-    for (int k = 0; k < TERMS; k++) w->side[(NODES + k) * SIDES] = moment[k];
-    for (int k = 0; k < LAST_TERMS; k++) w->side[(SIZE - LAST_TERMS + k) * SIDES + 1 + k] = 1;
+    for (int i = 0; i < SIZE; i++) {
+        double *row = w->matrix + i * STRIDE;
+        const int last = i - (SIZE - LAST_TERMS);
+        row[OF_INTEGRALS] =
+            i < NODES ? triangle_moments_distance7(corner, w->x[i], w->y[i]) : moment[i - NODES];
+        row[OF_AREAS] = i < NODES ? w->stretch[i] : 0;
+        for (int k = 0; k < LAST_TERMS; k++) row[OF_LAST_TERMS + k] = k == last;
+    }
 }
 
-/* Coefficients c with which the weights without the last terms are those with them, minus the sum of c[k] times
- * solution k + 1. Their multipliers of the last terms are then 0. */
-static bool drop_last_terms(const workspace *w, double *c)
+/* What the area of the triangle on the surface loses without the last terms; NAN: unknown. With the system K, its right
+ * side b and the areas a, the weights give a' K^-1 b. The unit right sides E are added to b such that the multipliers of
+ * the last terms, E' K^-1 b, become 0. K is symmetric: a' K^-1 E are the last unknowns for the right side a. */
+static double area_of_last_terms(const workspace *w, const double *solution)
 {
-    double block[LAST_TERMS * LAST_TERMS];
-    int pivot[LAST_TERMS];
-    for (int i = 0; i < LAST_TERMS; i++) {
-        const double *row = w->side + (SIZE - LAST_TERMS + i) * SIDES;
-        c[i] = row[0];
-        memcpy(block + i * LAST_TERMS, row + 1, LAST_TERMS * sizeof *block);
+    enum { FIRST = SIZE - LAST_TERMS, SYSTEM = LAST_TERMS + 1 };
+    double block[LAST_TERMS * SYSTEM], x[SIZE], c[LAST_TERMS], sum = 0;
+    for (int k = 0; k < LAST_TERMS; k++) {
+        elimination_solve(w->matrix, SIZE, STRIDE, OF_LAST_TERMS + k, FIRST, x);
+        for (int i = 0; i < LAST_TERMS; i++) block[i * SYSTEM + k] = x[FIRST + i];
+        block[k * SYSTEM + LAST_TERMS] = solution[FIRST + k];
     }
-    if (!lu_factor(block, LAST_TERMS, LAST_TERMS, pivot)) return false;
-    lu_solve(block, LAST_TERMS, LAST_TERMS, pivot, c, 1);
-    return true;
+    if (!elimination_reduce(block, LAST_TERMS, SYSTEM, SYSTEM)) return NAN;
+    elimination_solve(block, LAST_TERMS, SYSTEM, LAST_TERMS, 0, c);
+    elimination_solve(w->matrix, SIZE, STRIDE, OF_AREAS, FIRST, x);
+    for (int k = 0; k < LAST_TERMS; k++) sum += c[k] * x[FIRST + k];
+    return sum;
 }
 
 static quadrature_end weigh_triangle(const job *j, size_t triangle, workspace *w, uint32_t *node,
@@ -270,7 +279,7 @@ static quadrature_end weigh_triangle(const job *j, size_t triangle, workspace *w
 {
     const uint32_t *c = j->in->triangle[triangle];
     projection p;
-    double scale, corner[3][2], drop[LAST_TERMS];
+    double scale, corner[3][2], solution[SIZE], sum = 0;
     make_projection(j, triangle, &p);
     if (!choose_nodes(j, &p, c, w, node, &scale)) return QUADRATURE_FEW_NODES;
     for (int k = 0; k < 3; k++) {
@@ -281,20 +290,14 @@ static quadrature_end weigh_triangle(const job *j, size_t triangle, workspace *w
     fill_distances(w->x, w->y, w->matrix);
     fill_terms(w);
     fill_sides((const double(*)[2])corner, w);
-    if (!lu_factor(w->matrix, SIZE, STRIDE, w->pivot)) return QUADRATURE_SINGULAR;
-    lu_solve(w->matrix, SIZE, STRIDE, w->pivot, w->side, SIDES);
-    if (!drop_last_terms(w, drop)) return QUADRATURE_SINGULAR;
-    double sum = 0;
+    if (!elimination_reduce(w->matrix, SIZE, COLUMNS, STRIDE)) return QUADRATURE_SINGULAR;
+    elimination_solve(w->matrix, SIZE, STRIDE, OF_INTEGRALS, 0, solution);
     for (int i = 0; i < NODES; i++) {
-        const double *row = w->side + i * SIDES, area = scale * scale * w->stretch[i];
-        double less = row[0];
-        for (int k = 0; k < LAST_TERMS; k++) less -= drop[k] * row[1 + k];
-        weight[i] = row[0] * area;
-        sum += less * area;
-        if (!isfinite(weight[i])) return QUADRATURE_SINGULAR;
+        weight[i] = solution[i] * w->stretch[i] * (scale * scale);
+        sum += weight[i];
     }
-    *lower = sum;
-    return QUADRATURE_COMPLETE;
+    *lower = sum - area_of_last_terms(w, solution) * (scale * scale);
+    return isfinite(sum) && isfinite(*lower) ? QUADRATURE_COMPLETE : QUADRATURE_SINGULAR;
 }
 
 static void weigh_chunk(void *context, int worker, size_t begin, size_t end)
