@@ -102,12 +102,14 @@ def test_pieces_without_points_are_told(build, tmp_path):
 
 
 def test_every_format_has_the_weight(build, tmp_path):
-    outputs = {"points_usda": True, "points_glb": True, "points_vtp": True, "mesh": True}
+    outputs = {"points_usda": True, "points_glb": True, "points_vtp": True, "points_vdb": True, "mesh": True}
     report, points = run(build, tmp_path / "a", TORUS, 300, output=outputs)
     assert (read_columns((tmp_path / "a" / "points.ply").read_bytes())["weight"] == points["weight"]).all()
     assert b"property double weight\n" in (tmp_path / "a" / "mesh.ply").read_bytes()
     usda = (tmp_path / "a" / "points.usda").read_text()
     assert "double[] primvars:weight" in usda
+    grid = (tmp_path / "a" / "points.vdb").read_bytes()
+    assert b"weight" in grid and grid.count(b"double") == 1  # the type of one attribute
     assert b"_WEIGHT" in (tmp_path / "a" / "points.glb").read_bytes()
     described = [a for a in report["attributes"] if a["name"] == "weight"]
     assert described[0]["minimum"] == points["weight"].min() and described[0]["type"] == "float"
