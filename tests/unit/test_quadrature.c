@@ -155,7 +155,7 @@ static void integrals_over_a_torus_converge_with_high_order(void **state)
     double (*const of[])(vec3) = {one, exp_x, z_squared};
     double coarse[3];
     for (int fine = 0; fine < 2; fine++) {
-        scene s = make_torus(fine ? 128 : 64, fine ? 48 : 24);
+        scene s = make_torus(fine ? 96 : 48, fine ? 36 : 18);
         weigh(&s, 2);
         assert_int_equal(s.end, QUADRATURE_COMPLETE);
         for (size_t k = 0; k < s.count; k++) assert_true(s.weight[k] > 0);
@@ -174,7 +174,7 @@ static void integrals_over_a_torus_converge_with_high_order(void **state)
 static void the_lower_degree_estimates_the_error_of_the_area(void **state)
 {
     (void)state;
-    scene s = make_torus(96, 36);
+    scene s = make_torus(80, 30);
     weigh(&s, 2);
     const double area = integrate(&s, 0, s.count, one), expected = reference(one);
     const double estimate = fabs(s.lower_area / area - 1), miss = fabs(area / expected - 1);
@@ -188,7 +188,7 @@ static void the_lower_degree_estimates_the_error_of_the_area(void **state)
 static void opposite_walls_do_not_share_nodes(void **state)
 {
     (void)state;
-    scene one_sphere = make_sphere(4), s = allocate(2 * one_sphere.count, 2 * one_sphere.triangles);
+    scene one_sphere = make_sphere(3), s = allocate(2 * one_sphere.count, 2 * one_sphere.triangles);
     const size_t n = one_sphere.count, t = one_sphere.triangles;
     const double inner = 0.98;
     for (size_t k = 0; k < n; k++) {
@@ -203,10 +203,10 @@ static void opposite_walls_do_not_share_nodes(void **state)
         }
     weigh(&s, 2);
     assert_int_equal(s.end, QUADRATURE_COMPLETE);
-    assert_close(integrate(&s, 0, n, one), 4 * M_PI, 2e-6);
-    assert_close(integrate(&s, n, 2 * n, one), 4 * M_PI * inner * inner, 2e-6);
-    assert_close(integrate(&s, 0, n, exp_x), 4 * M_PI * sinh(1), 2e-6);
-    assert_close(integrate(&s, n, 2 * n, exp_x), 4 * M_PI * inner * sinh(inner), 2e-6);
+    assert_close(integrate(&s, 0, n, one), 4 * M_PI, 1e-4);
+    assert_close(integrate(&s, n, 2 * n, one), 4 * M_PI * inner * inner, 1e-4);
+    assert_close(integrate(&s, 0, n, exp_x), 4 * M_PI * sinh(1), 1e-4);
+    assert_close(integrate(&s, n, 2 * n, exp_x), 4 * M_PI * inner * sinh(inner), 1e-4);
     release(&one_sphere);
     release(&s);
 }
