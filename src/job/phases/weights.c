@@ -60,7 +60,6 @@ static bool take_cells(const measures_input *cells, threads *pool, weights *w, e
     in.exact = true;
     in.out_weight = w->value;
     const bool ok = local && farthest && measures_take(&in, pool, local, NULL, farthest, &found, e);
-    if (ok) w->area_without_points = found.area_without_points;
     w->lower_area = NAN;
     free(local);
     free(farthest);
@@ -84,7 +83,9 @@ static bool sum_up(const field_patches *patches, const solver_points *p, weights
 bool weights_find(const weights_input *in, threads *pool, weights *out, error *e)
 {
     const solver_points *p = in->points;
-    weights w = {.reason = obstacle(in), .value = mem_array(p->count, sizeof *w.value, what, e)};
+    weights w = {.reason = obstacle(in),
+                 .value = mem_array(p->count, sizeof *w.value, what, e),
+                 .area_without_points = in->measures->area_without_points};
     const bool ok = w.value && (w.reason || take_high_order(p, pool, &w, e)) &&
                     (!w.reason || take_cells(in->cells, pool, &w, e)) &&
                     sum_up(in->source->field->patches, p, &w, e);

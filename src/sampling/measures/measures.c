@@ -505,6 +505,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     for (size_t i = 0; requested && i < t->count; i++) has[piece_of(t, i)] = true;
     if (requested) count_requested(in, f, has, requested);
     for (size_t p = 0; requested && p < f->piece_count; p++) {
+        if (!has[p]) out->area_without_points += f->piece_area[p];
         if (!(requested[p] > 1)) continue;
         out->parts_without_points++;
         empty += f->piece_area[p];
@@ -518,7 +519,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
 
 /* Sets out_weight. A piece whose cells have no area gives each of its points the same weight. */
 static bool set_weights(const measures_input *in, const facets *f, const voronoi_cells *c,
-                        const point_table *t, measures *out, error *e)
+                        const point_table *t, error *e)
 {
     double *cells = mem_array(f->piece_count, sizeof *cells, what, e);
     size_t *points = cells ? mem_array(f->piece_count, sizeof *points, what, e) : NULL;
@@ -531,8 +532,6 @@ static bool set_weights(const measures_input *in, const facets *f, const voronoi
         in->out_weight[i] = cells[p] > 0 ? voronoi_cell_area(c, i) * (f->piece_area[p] / cells[p])
                                          : f->piece_area[p] / (double)points[p];
     }
-    for (size_t p = 0; points && p < f->piece_count; p++)
-        if (points[p] == 0) out->area_without_points += f->piece_area[p];
     const bool ok = points != NULL;
     free(cells);
     free(points);
@@ -609,7 +608,7 @@ static bool take(const measures_input *in, facets *f, threads *pool, point_table
     double energy = t->energy.plain;
     for (size_t i = 0; t->has_odd && i < in->count; i++) energy += t->energy.odd[i] / (t->ideal[i] / 6);
     out->energy_excess = energy / (double)in->count - 1;
-    if (in->out_weight && !set_weights(in, f, c, t, out, e)) return false;
+    if (in->out_weight && !set_weights(in, f, c, t, e)) return false;
     return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
 }
 

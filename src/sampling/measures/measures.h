@@ -59,8 +59,7 @@ typedef struct measures {
     double coverage, missing_share;
     size_t parts_without_points;
     double empty_area_share;    /* fraction of the area in pieces without points */
-    double area_without_points; /* area of all pieces without points, also of those too small for one; with
-                                 * out_weight, otherwise 0 */
+    double area_without_points; /* area of all pieces without points, also of those too small for one */
     double unmeasured_share, defect_share;
     size_t thin_count; /* points with a point on an opposite wall nearer than 1.2 spacings */
     /* at most MEASURES_THIN_SHARE of the points would be on such walls if the spacing were multiplied by
