@@ -524,13 +524,13 @@ static bool set_weights(const measures_input *in, const facets *f, const voronoi
     double *cells = mem_array(f->piece_count, sizeof *cells, what, e);
     size_t *points = cells ? mem_array(f->piece_count, sizeof *points, what, e) : NULL;
     for (size_t i = 0; points && i < t->count; i++) {
-        cells[piece_of(t, i)] += voronoi_cell_area(c, i);
+        cells[piece_of(t, i)] += c->area[i];
         points[piece_of(t, i)]++;
     }
     for (size_t i = 0; points && i < t->count; i++) {
         const uint32_t p = piece_of(t, i);
-        in->out_weight[i] = cells[p] > 0 ? voronoi_cell_area(c, i) * (f->piece_area[p] / cells[p])
-                                         : f->piece_area[p] / (double)points[p];
+        in->out_weight[i] =
+            cells[p] > 0 ? c->area[i] * (f->piece_area[p] / cells[p]) : f->piece_area[p] / (double)points[p];
     }
     const bool ok = points != NULL;
     free(cells);
