@@ -948,7 +948,7 @@ export type JobSpec = {
       channels?: "basic" | "all";
       /**
        * The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives
-       * 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
+       * 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
        * Default: "zip".
        */
       compression?: "none" | "rle" | "zips" | "zip";
@@ -1230,8 +1230,9 @@ export type Surface = {
     band_vox?: number;
     /**
      * Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-     * open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-     * equal coordinates are welded. (longest sides) Default: 1e-6.
+     * open edges within this distance are welded, or snapped to another open edge, but at most within a tenth
+     * of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest sides)
+     * Default: 1e-6.
      */
     weld?: number;
     /**
@@ -2107,7 +2108,7 @@ export type AnsweredSpec = {
       channels?: "basic" | "all";
       /**
        * The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives
-       * 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
+       * 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
        */
       compression?: "none" | "rle" | "zips" | "zip";
       /**
@@ -2376,8 +2377,8 @@ export type AnsweredSurface = {
     band_vox?: number;
     /**
      * Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-     * open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-     * equal coordinates are welded. (longest sides)
+     * open edges within this distance are welded, or snapped to another open edge, but at most within a tenth
+     * of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest sides)
      */
     weld?: number;
     /**

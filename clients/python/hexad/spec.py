@@ -131,8 +131,9 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
         side of the surface. Three give the same surface; more than four only cost time. An offset of the mesh
         makes the band as wide as it needs, up to 32. (voxels) Default: 4.
     weld: Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-        open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-        equal coordinates are welded. (longest sides) Default: 1e-06.
+        open edges within this distance are welded, or snapped to another open edge, but at most within a
+        tenth of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest
+        sides) Default: 1e-06.
     holes: keep: an open mesh is sampled as an open surface, with points along its boundaries. fill: holes are
         filled; a mesh that then encloses no volume is refused. Default: 'keep'.
     interior: keep: all triangles are sampled, including those inside the solids of the mesh. drop: only the
@@ -1155,7 +1156,7 @@ class OutputPreview(_OutputPreviewRest):
         point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes.
         Default: 'basic'.
     compression: The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at
-        once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
+        once, gives 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
     up: The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for STL,
         3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL
