@@ -851,7 +851,9 @@ export type JobSpec = {
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
      * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
+     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
+     * and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -946,7 +948,7 @@ export type JobSpec = {
       channels?: "basic" | "all";
       /**
        * The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives
-       * 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
+       * 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
        * Default: "zip".
        */
       compression?: "none" | "rle" | "zips" | "zip";
@@ -1228,8 +1230,9 @@ export type Surface = {
     band_vox?: number;
     /**
      * Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-     * open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-     * equal coordinates are welded. (longest sides) Default: 1e-6.
+     * open edges within this distance are welded, or snapped to another open edge, but at most within a tenth
+     * of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest sides)
+     * Default: 1e-6.
      */
     weld?: number;
     /**
@@ -2012,7 +2015,9 @@ export type AnsweredSpec = {
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
      * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
      * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
+     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
+     * and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -2103,7 +2108,7 @@ export type AnsweredSpec = {
       channels?: "basic" | "all";
       /**
        * The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives
-       * 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
+       * 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels).
        */
       compression?: "none" | "rle" | "zips" | "zip";
       /**
@@ -2372,8 +2377,8 @@ export type AnsweredSurface = {
     band_vox?: number;
     /**
      * Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-     * open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-     * equal coordinates are welded. (longest sides)
+     * open edges within this distance are welded, or snapped to another open edge, but at most within a tenth
+     * of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest sides)
      */
     weld?: number;
     /**

@@ -59,6 +59,18 @@ static bool has_source(const json_at *at)
     return found;
 }
 
+/* Removes the weights: they are those of the first shape. */
+static void remove_weights(json *root)
+{
+    const json_at at = json_root(root), list = json_member(&at, "attributes");
+    json *kept = json_new_array();
+    for (json_at one = json_first(&list); one.node; one = json_next(&one))
+        if (strcmp(json_string(json_member(&one, "from"), ""), SPEC_FROM_GEOMETRY) != 0 ||
+            strcmp(json_string(json_member(&one, "name"), ""), SPEC_GEOMETRY_WEIGHT) != 0)
+            json_append(kept, json_copy(one.node));
+    json_put(root, "attributes", kept);
+}
+
 json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
                        error *e)
 {
@@ -84,6 +96,7 @@ json *attach_spec_make(const json *sampled, const char *points, const char *cons
         json_free(root);
         return NULL;
     }
+    remove_weights(root);
     for (size_t k = 0; k < sizeof removed / sizeof *removed; k++) json_remove(root, removed[k]);
     json *output = json_find(root, "/output");
     for (size_t k = 0; output && k < sizeof outputs / sizeof *outputs; k++) json_remove(output, outputs[k]);

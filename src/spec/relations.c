@@ -192,6 +192,21 @@ static void check_attach(reading *r, const json_at *at, const spec *s)
     }
 }
 
+/* Refuses weights of points that are not all points of the surface. */
+static void check_weight(reading *r, const json_at *at, const spec *s)
+{
+    const json_at list = json_member(at, "attributes");
+    const bool avoids = s->has_points && s->points.mode == SPEC_POINTS_AVOID;
+    size_t k = 0;
+    if (!s->attach && !avoids) return;
+    for (json_at one = json_first(&list); one.node && k < s->attribute_count; one = json_next(&one)) {
+        const json_at name = json_member(&one, "name");
+        if (!spec_attribute_is(&s->attributes[k++], SPEC_GEOMETRY_WEIGHT)) continue;
+        reading_add_fault(r, &name, "\"weight\" excludes %s: remove one of the two",
+                          s->attach ? "sampling.attach" : "sampling.points with mode \"avoid\"");
+    }
+}
+
 static bool has_labels(const spec_surface *s)
 {
     bool found = s->kind == SPEC_SURFACE_LABELS;
@@ -252,8 +267,8 @@ static void check_labels(reading *r, const json_at *at, const spec *s)
 void relations_check(reading *r, const json_at *root)
 {
     static void (*const checks[])(reading *, const json_at *, const spec *) = {
-        check_grid,   check_solver, check_output,  check_frames, check_coherent,
-        check_bounds, check_attach, check_pattern, check_labels};
+        check_grid,   check_solver, check_output, check_frames,  check_coherent,
+        check_bounds, check_attach, check_weight, check_pattern, check_labels};
     const spec *s = reading_whole(r);
     for (size_t k = 0; s && k < sizeof checks / sizeof *checks; k++) checks[k](r, root, s);
 }

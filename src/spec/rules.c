@@ -489,7 +489,8 @@ static void check_transform(reading *r, const json_at *at)
 static void check_attribute(reading *r, const json_at *at)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
-    static const char *const computed[] = {"part", "direction1", "direction2", SPEC_GEOMETRY_SOURCE};
+    static const char *const computed[] = {"part", "direction1", "direction2", SPEC_GEOMETRY_SOURCE,
+                                           SPEC_GEOMETRY_WEIGHT};
     const spec_attribute *a = reading_target(r, offsetof(spec, attribute));
     json_at as = json_member(at, "as"), name = json_member(at, "name");
     if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))
@@ -498,7 +499,7 @@ static void check_attribute(reading *r, const json_at *at)
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) != 0) return;
     for (size_t k = 0; k < sizeof computed / sizeof *computed; k++)
         if (a->name && strcmp(a->name, computed[k]) == 0) return;
-    reading_add_fault(r, name.node ? &name : at, "must be part, direction1, direction2 or source");
+    reading_add_fault(r, name.node ? &name : at, "must be part, direction1, direction2, source or weight");
 }
 
 unsigned rules_check_names(reading *r, const json_at *at, const char *group, const spec_row *first)

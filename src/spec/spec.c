@@ -37,6 +37,19 @@ bool spec_attribute_has_file(const spec_attribute *a)
     return strcmp(a->from, SPEC_FROM_SURFACE) != 0 && strcmp(a->from, SPEC_FROM_GEOMETRY) != 0;
 }
 
+bool spec_attribute_is(const spec_attribute *a, const char *quantity)
+{
+    return strcmp(a->from, SPEC_FROM_GEOMETRY) == 0 && a->name && strcmp(a->name, quantity) == 0;
+}
+
+bool spec_has_weight(const spec *s)
+{
+    bool has = false;
+    for (size_t k = 0; k < s->attribute_count; k++)
+        has |= spec_attribute_is(&s->attributes[k], SPEC_GEOMETRY_WEIGHT);
+    return has;
+}
+
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
     if (surface_spec_input_at(&s->surface, &index, out)) return true;

@@ -198,6 +198,7 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
 #define SPEC_FROM_GEOMETRY "geometry"
 #define SPEC_GEOMETRY_SOURCE \
     "source" /* name, with SPEC_FROM_GEOMETRY, of the attribute with the position of a point on a mesh */
+#define SPEC_GEOMETRY_WEIGHT "weight" /* the same, of the quadrature weight */
 
 typedef struct spec_attribute { /* attribute of points, from a file or from the geometry of the surface */
     char *from;                 /* SPEC_FROM_SURFACE: the surface's file; SPEC_FROM_GEOMETRY; else a path */
@@ -398,6 +399,10 @@ typedef struct spec_input {
 
 /* Whether `from` is a path. */
 bool spec_attribute_has_file(const spec_attribute *a);
+/* Whether the attribute is the geometric quantity of this name (SPEC_GEOMETRY_SOURCE, ...). */
+bool spec_attribute_is(const spec_attribute *a, const char *quantity);
+/* Whether one of the attributes is the quadrature weight. */
+bool spec_has_weight(const spec *s);
 
 /* File number `index`, from 0, of the files that a job reads. False: there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);

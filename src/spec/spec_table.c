@@ -1412,7 +1412,9 @@ const spec_row spec_rows[] = {
          "component of an NRRD file with several values at a place (0, 1, ...; all of them if this is "
          "absent), or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the "
          "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place "
-         "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md)."},
+         "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the quadrature "
+         "weight: the sum of weight times f approximates the integral of f; excludes sampling.attach and given points "
+         "with mode avoid)."},
     {.pointer = MEMBER("/attributes", "as"),
      .type = SPEC_TYPE_STRING,
      .low = 1,

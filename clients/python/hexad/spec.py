@@ -131,8 +131,9 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
         side of the surface. Three give the same surface; more than four only cost time. An offset of the mesh
         makes the band as wide as it needs, up to 32. (voxels) Default: 4.
     weld: Tolerance for joining open edges, as a fraction of the longest side of the bounding box: vertices of
-        open edges within this distance are welded, or snapped to another open edge. 0: only vertices with
-        equal coordinates are welded. (longest sides) Default: 1e-06.
+        open edges within this distance are welded, or snapped to another open edge, but at most within a
+        tenth of the shortest edge at them. 0: only vertices with equal coordinates are welded. (longest
+        sides) Default: 1e-06.
     holes: keep: an open mesh is sampled as an open surface, with points along its boundaries. fill: holes are
         filled; a mesh that then encloses no volume is refused. Default: 'keep'.
     interior: keep: all triangles are sampled, including those inside the solids of the mesh. drop: only the
@@ -1053,7 +1054,9 @@ class AttributesItem(_AttributesItemRest):
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
         or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
         of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the
-        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md).
+        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight
+        (the quadrature weight: the sum of weight times f approximates the integral of f; excludes
+        sampling.attach and given points with mode avoid).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv
@@ -1153,7 +1156,7 @@ class OutputPreview(_OutputPreviewRest):
         point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes.
         Default: 'basic'.
     compression: The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at
-        once, gives 0.7 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
+        once, gives 0.4 to 1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all
         channels). Default: 'zip'.
     up: The axis that points up unless a camera says so. auto: y for OpenVDB files and most meshes; z for STL,
         3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an OBJ, OFF, PLY or STL

@@ -151,7 +151,7 @@ typedef struct vdb_point_values {
     const char *name; /* unique, and none of the names below */
     int components;   /* 1: float, or int64 if `whole`; 2 or 3: vec3f, whose third component is 0 for 2 */
     bool whole;
-    bool is_double;       /* three components: vec3d instead of vec3f */
+    bool is_double;       /* one or three components: double instead of float, vec3d instead of vec3f */
     const double *values; /* `components` values per point, point after point */
 } vdb_point_values;
 

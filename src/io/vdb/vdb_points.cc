@@ -65,7 +65,7 @@ std::vector<place> places_of(const vdb_points &p, const vdb::math::Transform &tr
 
 const char *scalar_type(const vdb_point_values &v)
 {
-    return v.whole ? "int64" : "float";
+    return v.whole ? "int64" : v.is_double ? "double" : "float";
 }
 
 /* A vector of two components and a zero, or of the first three components. */
@@ -157,6 +157,9 @@ void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const 
         else if (v.whole)
             fill<vdb::points::AttributeWriteHandle<int64_t>>(
                 leaf, v.name, first, count, [&](const place &at) { return int64_t(v.values[at.point]); });
+        else if (v.is_double)
+            fill<vdb::points::AttributeWriteHandle<double>>(
+                leaf, v.name, first, count, [&](const place &at) { return v.values[at.point]; });
         else
             fill<vdb::points::AttributeWriteHandle<float>>(
                 leaf, v.name, first, count, [&](const place &at) { return float(v.values[at.point]); });

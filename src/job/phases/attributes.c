@@ -106,7 +106,7 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
 /* Whether an attribute is the position on a mesh. */
 static bool is_place(const spec_attribute *a)
 {
-    return strcmp(a->from, SPEC_FROM_GEOMETRY) == 0 && strcmp(a->name, SPEC_GEOMETRY_SOURCE) == 0;
+    return spec_attribute_is(a, SPEC_GEOMETRY_SOURCE);
 }
 
 /* ---- locating ---- */
@@ -155,6 +155,12 @@ static bool check_name(const spec *s, const attributes *a, size_t index, error *
 static bool find_geometry(const spec_attribute *a, const source *from, point_attribute *out, error *e)
 {
     bool part = strcmp(a->name, "part") == 0;
+    if (strcmp(a->name, SPEC_GEOMETRY_WEIGHT) == 0) {
+        out->kind = POINT_ATTRIBUTE_FLOAT;
+        out->components = 1;
+        out->is_double = true;
+        return true;
+    }
     out->kind = part ? POINT_ATTRIBUTE_INT : POINT_ATTRIBUTE_VECTOR;
     out->components = part ? 1 : 3;
     return !part || source_part_count(from) > 1 ||
@@ -351,8 +357,13 @@ static vec3 principal_direction(const field_sample *s, bool larger)
     return d;
 }
 
-static void read_geometry(const char *name, const source *from, const points *set, double *values)
+static void read_geometry(const char *name, const source *from, const double *weight, const points *set,
+                          double *values)
 {
+    if (strcmp(name, SPEC_GEOMETRY_WEIGHT) == 0) {
+        memcpy(values, weight, set->count * sizeof *values);
+        return;
+    }
     for (size_t i = 0; i < set->count; i++) {
         field_sample sample = {0};
         vec3 d = {0, 0, 0};
@@ -395,9 +406,11 @@ static bool read_attachment(attributes *a, size_t k, size_t memory_limit, const 
     return true;
 }
 
-static bool read_one(attributes_entry *entry, const source *from, const solver_points *solved,
-                     const bool *kept, size_t memory_limit, const points *set, point_attribute *out, error *e)
+static bool read_one(const attributes *a, size_t k, const source *from, const solver_points *solved,
+                     size_t memory_limit, const points *set, error *e)
 {
+    attributes_entry *entry = &a->entries[k];
+    point_attribute *out = &a->values[k];
     size_t numbers = set->count * (size_t)out->components;
     if (entry->is_given) {
         note_range(entry, out->values, numbers);
@@ -412,14 +425,14 @@ static bool read_one(attributes_entry *entry, const source *from, const solver_p
     if (!values) return false;
     if (entry->place >= 0) return true; /* read_attachment fills it in */
     if (!entry->spec && strcmp(entry->name, kept_name) == 0)
-        for (size_t i = 0; i < set->count; i++) values[i] = kept[i];
+        for (size_t i = 0; i < set->count; i++) values[i] = a->kept[i];
     else if (!entry->spec)
         read_place(entry->name, from, solved, values);
     else if (!entry->request.path)
-        read_geometry(entry->spec->name, from, set, values);
+        read_geometry(entry->spec->name, from, a->weight, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
-    for (size_t k = 0; out->kind == POINT_ATTRIBUTE_INT && k < numbers; k++) values[k] = round(values[k]);
+    for (size_t i = 0; out->kind == POINT_ATTRIBUTE_INT && i < numbers; i++) values[i] = round(values[i]);
     note_range(entry, values, numbers);
     if (out->kind == POINT_ATTRIBUTE_INT &&
         (entry->least < -PRECISION_WHOLE_MOST || entry->most > PRECISION_WHOLE_MOST))
@@ -467,7 +480,7 @@ bool attributes_read(attributes *a, const source *from, const solver_points *sol
     for (size_t k = 0; ok && k < a->count; k++) {
         a->entries[k].request.last = &last;
         ok =
-            (read_one(&a->entries[k], from, solved, a->kept, memory_limit, set, &a->values[k], e) &&
+            (read_one(a, k, from, solved, memory_limit, set, e) &&
              (a->entries[k].place != ATTACHMENT_ARRAYS - 1 || read_attachment(a, k, memory_limit, set, e))) ||
             error_prefix(e, "attribute \"%s\"", a->entries[k].name);
     }

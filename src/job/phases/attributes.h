@@ -28,6 +28,7 @@ typedef struct attributes {
     surface_meshes meshes;   /* if places on them are requested */
     const bool *kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode
                        * keep) */
+    const double *weight; /* the same: its quadrature weight, if that is requested */
 } attributes;
 
 /* Checks that the points have the attributes that pictures and instances name. Errors: attribute_missing,

@@ -38,10 +38,10 @@ static const double BYTES_WITH_OPENVDB = 37 << 20;
  * LISTED_MOST points at a time (sampling/voronoi/partitions). */
 static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
-/* Seconds of a run: up to its last sweep, and after it. The latter depends mostly on the surface, not on
- * the count. */
+/* Seconds of a run: up to its last sweep, after it, and for the weights of the points. The second depends mostly on the
+ * surface, not on the count; the third is proportional to the count. */
 typedef struct run_cost {
-    double relax_s, measure_s;
+    double relax_s, measure_s, weights_s;
 } run_cost;
 
 /* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of
@@ -55,7 +55,9 @@ static bool rehearse_once(job *j, double end_s, run_cost *out)
         ok = job_may_continue(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
     double relaxed_s = clock_processor_s();
     ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
-    if (ok) *out = (run_cost){relaxed_s - begin_s, clock_processor_s() - relaxed_s};
+    double measured_s = clock_processor_s();
+    ok = ok && job_weigh(j, &s, NULL);
+    if (ok) *out = (run_cost){relaxed_s - begin_s, measured_s - relaxed_s, clock_processor_s() - measured_s};
     job_free_solution(&s);
     return ok;
 }
@@ -88,10 +90,12 @@ static double rehearse(job *j)
         j->count /= REHEARSAL_STRIDE;
         ended = rehearse_once(j, begin_s + REHEARSAL_S[1], &cost);
     }
-    const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels);
+    const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels),
+                 weights_s = cost.weights_s * (double)count / (double)j->count;
     j->count = count;
     if (!ended) return NAN;
-    return (cost.relax_s * more + cost.measure_s) / (count < SHARED_FROM ? 1 : threads_count(j->pool));
+    return (cost.relax_s * more + cost.measure_s + weights_s) /
+           (count < SHARED_FROM ? 1 : threads_count(j->pool));
 }
 
 static double measuring_memory(const job *j, double count)

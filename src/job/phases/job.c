@@ -602,6 +602,32 @@ static double requested_at(const void *context, vec3 x)
     return sizing_field_spacing(context, x, NULL);
 }
 
+/* `stands`: the points on their patches, with the walls of given points. */
+static measures_input measures_input_of(const job *j, const solution *s, const solver_patch_points *stands,
+                                        const measured_surface *on)
+{
+    const solver_points *p = solver_result_points(s->solver);
+    return (measures_input){.surface = on->facets,
+                            .lost_place = on->lost_place,
+                            .lost_places = on->lost_places,
+                            .count = p->count,
+                            .position = p->position,
+                            .spacing = p->spacing,
+                            .h = solver_spacing(s->solver),
+                            .spacing_at = s->sizing ? requested_at : NULL,
+                            .spacing_context = s->sizing,
+                            .sized = s->sizing != NULL,
+                            .achieved = j->spec->has_alpha,
+                            .kept = j->given.kept,
+                            .exact = j->options->exact_measures,
+                            .copy_count = stands->count,
+                            .copy_normal = on->own_normals ? NULL : stands->normal,
+                            .copy_point = stands->point,
+                            .copy_patch = stands->patch,
+                            .copy_flags = stands->flags,
+                            .patch_labels = (const uint32_t(*)[2])on->patch_labels};
+}
+
 bool job_measure(job *j, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
@@ -618,28 +644,27 @@ bool job_measure(job *j, solution *s, error *e)
         ok = s->spacing_local && s->farthest && point_order_prepare(j->spec, p->count, &s->order_known, e) &&
              (s->degree || !j->spec->has_preview || j->spec->preview_color != SPEC_COLOR_DEGREE);
     }
-    const measures_input in = {.surface = on.facets,
-                               .lost_place = on.lost_place,
-                               .lost_places = on.lost_places,
-                               .count = p->count,
-                               .position = p->position,
-                               .spacing = p->spacing,
-                               .h = solver_spacing(s->solver),
-                               .spacing_at = s->sizing ? requested_at : NULL,
-                               .spacing_context = s->sizing,
-                               .sized = s->sizing != NULL,
-                               .achieved = j->spec->has_alpha,
-                               .kept = j->given.kept,
-                               .exact = j->options->exact_measures,
-                               .copy_count = stands.count,
-                               .copy_normal = on.own_normals ? NULL : stands.normal,
-                               .copy_point = stands.point,
-                               .copy_patch = stands.patch,
-                               .copy_flags = stands.flags,
-                               .patch_labels = (const uint32_t(*)[2])on.patch_labels,
-                               .out_piece = s->order_known.piece,
-                               .out_spacing = s->order_known.spacing};
+    measures_input in = measures_input_of(j, s, &stands, &on);
+    in.out_piece = s->order_known.piece;
+    in.out_spacing = s->order_known.spacing;
     ok = ok && measures_take(&in, j->pool, s->spacing_local, s->degree, s->farthest, &s->measures, e);
+    measured_surface_close(&on);
+    given_walls_free(&walls);
+    return ok;
+}
+
+bool job_weigh(job *j, const solution *s, error *e)
+{
+    const solver_points *p = solver_result_points(s->solver);
+    solver_patch_points stands = p->patch_points;
+    measured_surface on = {0};
+    given_walls walls;
+    if (!spec_has_weight(j->spec)) return true;
+    bool ok = given_points_walls(&j->given, &j->source, p->count, &stands, &walls, e) &&
+              measured_surface_open(&j->source, j->scan, &on, e);
+    const measures_input cells = measures_input_of(j, s, &stands, &on);
+    const weights_input in = {j->spec, &j->source, p, &s->measures, &cells};
+    ok = ok && weights_find(&in, j->pool, &j->weights, e);
     measured_surface_close(&on);
     given_walls_free(&walls);
     return ok;
@@ -711,6 +736,11 @@ bool job_write_points(job *j, error *e)
     in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;
     in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
     j->attributes.kept = j->given.kept;
+    if (!job_weigh(j, s, e)) {
+        free(turned);
+        return false;
+    }
+    j->attributes.weight = j->weights.value;
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
@@ -767,6 +797,7 @@ void job_free(job *j)
     curve_distance_free(j->curves);
     surface_free(j->scan);
     attributes_free(&j->attributes);
+    weights_free(&j->weights);
     given_points_free(&j->given);
     avoided_points_free(&j->avoided);
     source_close(&j->source);

@@ -16,6 +16,7 @@
 #include "job/phases/run_options.h"
 #include "job/phases/sequence.h"
 #include "job/phases/snapshot.h"
+#include "job/phases/weights.h"
 #include "job/source/source.h"
 #include "sampling/solver/solver.h"
 
@@ -45,6 +46,7 @@ typedef struct job {
     isa isa;
     source source;
     attributes attributes; /* carried by the points */
+    weights weights;       /* of the points, if they are requested */
     given_points given;
     avoided_points avoided;
     /* Bytes of memory while inputs were loaded: this process plus the largest of its readers. */
@@ -92,6 +94,9 @@ bool job_solve(job *j, error *e);
 
 /* Measures a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);
+
+/* Computes the weights of the points of a measured solution, if they are requested. */
+bool job_weigh(job *j, const solution *s, error *e);
 
 /* Writes all results except the report, and starts a new report. */
 bool job_write_points(job *j, error *e);

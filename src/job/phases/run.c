@@ -103,6 +103,7 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
     report_fill(j->report, &facts);
     json_free(warnings);
     given_points_describe(&j->given, j->spec, j->report);
+    weights_describe(&j->weights, j->report);
     avoided_points_describe(&j->avoided, j->report);
     if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
     *outcome = v.outcome;

@@ -505,6 +505,7 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     for (size_t i = 0; requested && i < t->count; i++) has[piece_of(t, i)] = true;
     if (requested) count_requested(in, f, has, requested);
     for (size_t p = 0; requested && p < f->piece_count; p++) {
+        if (!has[p]) out->area_without_points += f->piece_area[p];
         if (!(requested[p] > 1)) continue;
         out->parts_without_points++;
         empty += f->piece_area[p];
@@ -513,6 +514,27 @@ static bool conclude_pieces(const measures_input *in, const facets *f, const poi
     free(has);
     free(requested);
     out->empty_area_share = empty / f->area;
+    return ok;
+}
+
+/* Sets out_weight. A piece whose cells have no area gives each of its points the same weight. */
+static bool set_weights(const measures_input *in, const facets *f, const voronoi_cells *c,
+                        const point_table *t, error *e)
+{
+    double *cells = mem_array(f->piece_count, sizeof *cells, what, e);
+    size_t *points = cells ? mem_array(f->piece_count, sizeof *points, what, e) : NULL;
+    for (size_t i = 0; points && i < t->count; i++) {
+        cells[piece_of(t, i)] += c->area[i];
+        points[piece_of(t, i)]++;
+    }
+    for (size_t i = 0; points && i < t->count; i++) {
+        const uint32_t p = piece_of(t, i);
+        in->out_weight[i] =
+            cells[p] > 0 ? c->area[i] * (f->piece_area[p] / cells[p]) : f->piece_area[p] / (double)points[p];
+    }
+    const bool ok = points != NULL;
+    free(cells);
+    free(points);
     return ok;
 }
 
@@ -586,6 +608,7 @@ static bool take(const measures_input *in, facets *f, threads *pool, point_table
     double energy = t->energy.plain;
     for (size_t i = 0; t->has_odd && i < in->count; i++) energy += t->energy.odd[i] / (t->ideal[i] / 6);
     out->energy_excess = energy / (double)in->count - 1;
+    if (in->out_weight && !set_weights(in, f, c, t, e)) return false;
     return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
 }
 

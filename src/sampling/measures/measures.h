@@ -44,6 +44,9 @@ typedef struct measures_input {
      * are divided. */
     uint32_t *out_piece;
     double *out_spacing;
+    /* With `exact`, or NULL: receives for each point the area of its cell, multiplied by a factor for each piece:
+     * the sum of a piece's values is its area. */
+    double *out_weight;
 } measures_input;
 
 /* All are NAN if no point or pair has a value. */
@@ -55,7 +58,8 @@ typedef struct measures {
     size_t coincident;
     double coverage, missing_share;
     size_t parts_without_points;
-    double empty_area_share; /* fraction of the area in pieces without points */
+    double empty_area_share;    /* fraction of the area in pieces without points */
+    double area_without_points; /* area of all pieces without points, also of those too small for one */
     double unmeasured_share, defect_share;
     size_t thin_count; /* points with a point on an opposite wall nearer than 1.2 spacings */
     /* at most MEASURES_THIN_SHARE of the points would be on such walls if the spacing were multiplied by

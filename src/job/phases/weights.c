@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "job/phases/weights.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/core/memory.h"
+#include "job/report/patch_report.h"
+#include "sampling/voronoi/triangulation.h"
+#include "sampling/weights/quadrature.h"
+
+static const char what[] = "the quadrature weights";
+
+/* Word for why the surface does not permit weights of high order; NULL: it does. */
+static const char *obstacle(const weights_input *in)
+{
+    const source *from = in->source;
+    const source_part *leaf = &from->whole;
+    while (leaf->part_count == 1) leaf = leaf->parts;
+    return leaf->mesh || leaf->labels || (leaf->volume && volume_faces(leaf->volume)) ? "mesh"
+           : leaf->part_count > 0                                                     ? "combination"
+           : in->spec->has_region                                                     ? "region"
+           : from->field->sharp || from->field->patches                               ? "crease"
+           : from->field->open                                                        ? "border"
+           : in->measures->coincident > 0                                             ? "coincident"
+                                                                                      : NULL;
+}
+
+/* Sets the weights of high order, or a word for why there are none. */
+static bool take_high_order(const solver_points *p, threads *pool, weights *w, error *e)
+{
+    static const char *const reasons[] = {[QUADRATURE_COMPLETE] = NULL,
+                                          [QUADRATURE_FEW_NODES] = "few_nodes",
+                                          [QUADRATURE_SINGULAR] = "singular"};
+    const triangulation_input sites = {
+        .count = p->count, .position = p->position, .normal = p->normal, .spacing = p->spacing};
+    triangulation made = {0};
+    quadrature_end end;
+    bool ok = triangulation_make(&sites, pool, &made, e);
+    if (ok && !triangulation_is_closed(&made.facts))
+        w->reason = "triangulation";
+    else if (ok) {
+        const quadrature_input in = {p->count, p->position, p->normal, made.facts.triangles,
+                                     (const uint32_t(*)[3])made.corner};
+        const bool narrow = threads_narrow(pool, false); /* few points have many systems */
+        ok = quadrature_make(&in, pool, w->value, &w->lower_area, &end, e);
+        threads_narrow(pool, narrow);
+        w->reason = reasons[end];
+    }
+    triangulation_free(&made);
+    return ok;
+}
+
+static bool take_cells(const measures_input *cells, threads *pool, weights *w, error *e)
+{
+    measures_input in = *cells;
+    measures found;
+    double *local = mem_array(in.count, sizeof *local, what, e),
+           *farthest = mem_array(in.surface.patch_count, sizeof *farthest, what, e);
+    in.exact = true;
+    in.out_weight = w->value;
+    const bool ok = local && farthest && measures_take(&in, pool, local, NULL, farthest, &found, e);
+    w->lower_area = NAN;
+    free(local);
+    free(farthest);
+    return ok;
+}
+
+static bool sum_up(const field_patches *patches, const solver_points *p, weights *w, error *e)
+{
+    w->patches = patches ? patches->count : 1;
+    w->patch_sum = mem_array(w->patches, sizeof *w->patch_sum, what, e);
+    w->least = INFINITY;
+    for (size_t i = 0; w->patch_sum && i < p->count; i++) {
+        w->area += w->value[i];
+        w->least = fmin(w->least, w->value[i]);
+        w->normal_sum = vec3_axpy(w->value[i], p->normal[i], w->normal_sum);
+        w->patch_sum[p->patch ? p->patch[i] : 0] += w->value[i];
+    }
+    return w->patch_sum != NULL;
+}
+
+bool weights_find(const weights_input *in, threads *pool, weights *out, error *e)
+{
+    const solver_points *p = in->points;
+    weights w = {.reason = obstacle(in),
+                 .value = mem_array(p->count, sizeof *w.value, what, e),
+                 .area_without_points = in->measures->area_without_points};
+    const bool ok = w.value && (w.reason || take_high_order(p, pool, &w, e)) &&
+                    (!w.reason || take_cells(in->cells, pool, &w, e)) &&
+                    sum_up(in->source->field->patches, p, &w, e);
+    weights_free(out);
+    *out = w;
+    return ok;
+}
+
+void weights_describe(const weights *w, json *report)
+{
+    if (!w->value) return;
+    json *object = json_put_object(report, "weights");
+    json_put_string(object, "kind", w->reason ? "cells" : "high_order");
+    json_put_string(object, "reason", w->reason);
+    json_put_number(object, "sum", w->area);
+    json *list = json_put_array(object, "patches");
+    for (size_t k = 0; k < w->patches && k < PATCH_REPORT_LISTED; k++)
+        json_append_number(list, w->patch_sum[k]);
+    json_put_number(object, "area_without_points", w->area_without_points);
+    json_put_number(object, "least", w->least);
+    json_put_number(object, "degree_difference", w->lower_area / w->area - 1);
+    json_put_number(object, "normal_integral", vec3_norm(w->normal_sum) / w->area);
+}
+
+void weights_free(weights *w)
+{
+    free(w->value);
+    free(w->patch_sum);
+    *w = (weights){0};
+}
