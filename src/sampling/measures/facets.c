@@ -8,6 +8,7 @@
 #include "base/core/sets.h"
 #include "surface/field/patches.h"
 #include "surface/field/projection.h"
+#include "geometry/space/cell_list.h"
 #include "geometry/space/morton.h"
 #include "geometry/space/triangle.h"
 
@@ -571,10 +572,7 @@ typedef struct item_search {
     vec3 x;
     double nearest;
     size_t found;
-    uint32_t except; /* items of this piece are skipped; NO_PIECE: none are */
 } item_search;
-
-#define NO_PIECE (FACETS_MIXED - 1)
 
 static double distance_to_sphere(vec3 centre, double radius, vec3 x)
 {
@@ -621,13 +619,13 @@ static void search_nodes(item_search *s)
     stack[top++] = 0;
     while (top > 0) {
         const facets_node *n = &s->f->node[stack[--top]];
-        if (n->piece == s->except || distance_to_sphere(n->centre, n->radius, s->x) >= s->nearest) continue;
+        if (distance_to_sphere(n->centre, n->radius, s->x) >= s->nearest) continue;
         if (n->right > 0) {
             top = push_children(s->f, n, s->x, stack, top);
             continue;
         }
         for (size_t k = n->begin; k < n->end; k++)
-            if (facets_piece(s->f, k) != s->except && !is_beyond(s, k)) search_item(s, k);
+            if (!is_beyond(s, k)) search_item(s, k);
     }
 }
 
@@ -663,7 +661,7 @@ static size_t near_cell(const facets *f, vec3 x)
 
 static item_search search_at(const facets *f, vec3 x)
 {
-    item_search s = {f, x, INFINITY, 0, NO_PIECE};
+    item_search s = {f, x, INFINITY, 0};
     if (f->in.triangle_count == 0) search_item(&s, near_cell(f, x));
     return s;
 }
@@ -675,55 +673,93 @@ size_t facets_nearest(const facets *f, vec3 x)
     return s.found;
 }
 
-/* Finds an item whose sphere is nearer to x than `reach` and that is not of the piece `except`. */
-static bool find_sphere(const facets *f, vec3 x, double reach, uint32_t except, size_t *found)
+/* ---- pieces of points on a scan with several pieces */
+
+/* The cells of a scan, by their middles. */
+typedef struct cells_near {
+    const facets *f;
+    vec3 *middle;
+    double radius; /* the largest of all cells */
+    cell_list *list;
+} cells_near;
+
+/* A search for the piece of a place, among the cells near it. */
+typedef struct piece_search {
+    const cells_near *in;
+    vec3 x;
+    size_t count;   /* of cells */
+    uint32_t piece; /* of all of them, or FACETS_MIXED; of the nearest triangle */
+    double nearest; /* distance of the nearest middle; later of the nearest triangle */
+} piece_search;
+
+static void look_at_cell(void *context, uint32_t k)
 {
-    uint32_t stack[DEEPEST];
-    int top = 0;
-    if (f->item_count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const facets_node *n = &f->node[stack[--top]];
-        if (n->piece == except || distance_to_sphere(n->centre, n->radius, x) >= reach) continue;
-        if (n->right > 0) {
-            top = push_children(f, n, x, stack, top);
-            continue;
-        }
-        for (size_t k = n->begin; k < n->end; k++) {
-            if (facets_piece(f, k) == except) continue;
-            double radius;
-            const vec3 centre = item_sphere(f, f->item[k], &radius);
-            if (distance_to_sphere(centre, radius, x) >= reach) continue;
-            *found = k;
-            return true;
-        }
-    }
-    return false;
+    piece_search *s = context;
+    const uint32_t piece = piece_of_item(s->in->f, k);
+    s->piece = s->count++ == 0 || s->piece == piece ? piece : FACETS_MIXED;
+    s->nearest = fmin(s->nearest, vec3_norm(vec3_sub(s->in->middle[k], s->x)));
 }
 
-/* The piece of an item whose sphere contains x, if no item of another piece can be nearer. */
-static bool find_only_piece(const facets *f, vec3 x, uint32_t *piece)
+static void look_at_triangles(void *context, uint32_t k)
 {
-    size_t found, other;
-    double radius;
-    if (!find_sphere(f, x, 0, NO_PIECE, &found)) return false;
-    *piece = facets_piece(f, found);
-    item_sphere(f, f->item[found], &radius);
-    return !find_sphere(f, x, 2 * radius, *piece, &other);
+    piece_search *s = context;
+    vec3 corner[FIELD_CELL_TRIANGLES][3];
+    const int count = item_corners(s->in->f, k, false, corner);
+    for (int i = 0; i < count; i++) {
+        const triangle at = {corner[i][0], corner[i][1], corner[i][2]};
+        const double d = sqrt(triangle_distance2(&at, s->x));
+        if (!(d < s->nearest)) continue;
+        s->nearest = d;
+        s->piece = piece_of_item(s->in->f, k);
+    }
 }
 
-uint32_t facets_nearest_piece(const facets *f, vec3 x)
+/* The piece of the triangle that is nearest to x. Where all cells near x are of one piece, and one contains x, no
+ * triangle is needed. */
+static uint32_t find_piece(const cells_near *in, vec3 x)
 {
-    uint32_t only;
-    if (find_only_piece(f, x, &only)) return only;
-    item_search s = search_at(f, x);
-    if (isfinite(s.nearest)) { /* most places are nearer to this item than to any item of other pieces */
-        item_search others = s;
-        others.except = facets_piece(f, s.found);
-        search_nodes(&others);
-        if (!(others.nearest < s.nearest)) return others.except;
+    piece_search s;
+    double reach = 3 * in->radius;
+    do {
+        s = (piece_search){.in = in, .x = x, .nearest = INFINITY};
+        cell_list_within(in->list, x, reach, look_at_cell, &s);
+        if (s.nearest <= in->radius && s.piece != FACETS_MIXED) return s.piece;
+        s.nearest = INFINITY;
+        cell_list_within(in->list, x, reach, look_at_triangles, &s);
+        reach *= 2;
+    } while (s.nearest > 0.5 * reach - in->radius && s.count < in->f->in.scan->cells);
+    return s.piece == FACETS_MIXED ? 0 : s.piece;
+}
+
+typedef struct piece_job {
+    const cells_near *in;
+    const vec3 *x;
+    uint32_t *piece;
+} piece_job;
+
+static void piece_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const piece_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) job->piece[i] = find_piece(job->in, job->x[i]);
+}
+
+bool facets_find_pieces(const facets *f, const vec3 *x, size_t count, threads *pool, uint32_t *piece,
+                        error *e)
+{
+    const size_t cells = f->in.scan->cells;
+    cells_near in = {.f = f, .middle = mem_array(cells, sizeof *in.middle, what, e)};
+    for (size_t k = 0; in.middle && k < cells; k++) {
+        double radius;
+        in.middle[k] = item_sphere(f, (uint32_t)k, &radius);
+        in.radius = fmax(in.radius, radius);
     }
-    search_nodes(&s);
-    return facets_piece(f, s.found);
+    if (in.middle) in.list = cell_list_new(in.middle, cells, pool, e);
+    const bool ok = in.list != NULL;
+    if (ok) threads_run(pool, count, 256, piece_chunk, &(piece_job){&in, x, piece});
+    cell_list_free(in.list);
+    free(in.middle);
+    return ok;
 }
 
 /* The edges at a corner, by their directions, with the number of faces at each. */

@@ -180,9 +180,10 @@ static void set_corner(const measures_input *in, const facets *f, uint32_t i, po
 static void set_piece(const measures_input *in, const facets *f, uint32_t i, point_table *t)
 {
     if (in->copy_normal) {
-        if (!t->piece) return;
-        t->piece[i] = in->copy_patch && f->in.patch_piece ? f->in.patch_piece[in->copy_patch[i]]
-                                                          : facets_nearest_piece(f, in->position[i]);
+        if (t->piece)
+            t->piece[i] = in->copy_patch && f->in.patch_piece
+                              ? f->in.patch_piece[in->copy_patch[i]]
+                              : facets_piece(f, facets_nearest(f, in->position[i]));
         return;
     }
     const size_t at = facets_nearest(f, in->position[i]);
@@ -558,11 +559,16 @@ static sites sites_of(const measures_input *in, const point_table *t)
 static bool build_cells(const measures_input *in, facets *f, threads *pool, point_table *t, double *area,
                         voronoi_cells *c, measures *out, error *e)
 {
-    const bool whole = in->exact || !in->copy_normal || (f->piece_count > 1 && !f->in.patch_piece);
+    const bool by_scan = in->copy_normal && in->surface.triangle_count == 0 && !f->in.patch_piece,
+               whole =
+                   in->exact || !in->copy_normal || (!by_scan && f->piece_count > 1 && !f->in.patch_piece);
     if (whole && !facets_build(f, NULL, NULL, pool, e)) return false;
     if (in->achieved && !(t->own_spacing = mem_array(in->count, sizeof *t->own_spacing, what, e)))
         return false;
-    threads_run(pool, in->count, 256, piece_chunk, &(corner_job){in, f, t});
+    if (!by_scan)
+        threads_run(pool, in->count, 256, piece_chunk, &(corner_job){in, f, t});
+    else if (t->piece && !facets_find_pieces(f, in->position, in->count, pool, t->piece, e))
+        return false;
     for (int round = in->achieved ? 0 : 1; round < 2; round++) {
         const sites s = sites_of(in, t);
         const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, in->kept,
