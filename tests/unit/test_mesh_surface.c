@@ -544,11 +544,15 @@ static void a_triangle_with_two_equal_vertices_is_halved_with_its_neighbours(voi
     vec3 normal[5];
     size_t first[] = {0, 3};
     bool changed;
+    uint32_t *whole = NULL;
     memcpy(m.vertex, vertex, sizeof vertex);
     memcpy(m.triangle, corner, sizeof corner);
     for (int v = 0; v < 5; v++) normal[v] = vec3_make(0.6, 0, 0.8);
-    assert_true(mesh_refine(&m, normal, 1.9, 100, first, 1, &changed, &e));
+    assert_true(mesh_refine(&m, normal, 1.9, 100, first, 1, &whole, &changed, &e));
     assert_true(changed);
+    const uint32_t before[] = {0, 0, 1, 1, 1, 2, 2};
+    assert_memory_equal(whole, before, sizeof before);
+    free(whole);
     assert_int_equal(m.triangle_count, 7); /* each outer triangle has a halved side, the one between two */
     assert_int_equal(first[1], m.triangle_count);
     double area = 0;

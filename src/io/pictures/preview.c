@@ -303,6 +303,8 @@ static void shade_chunk(void *context, int worker, size_t begin, size_t end)
         color c;
         if (job->look->which == QUANTITY_COLOR) /* has no scale */
             c = light_of(job->values + 3 * i);
+        else if (!quantity_is_defined(&m->points, job->look, i))
+            c = light_of(quantity_undefined_color);
         else {
             int place = (int)(colormap_scale_place(&m->scale, job->values[i]) * SCALE_COLORS);
             if (place >= SCALE_COLORS) place = SCALE_COLORS - 1;

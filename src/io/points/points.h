@@ -38,6 +38,7 @@ typedef struct points {
     const double *kappa; /* sqrt(kappa1^2 + kappa2^2), 1/world unit */
     const double *kappa1;
     const double *kappa2;
+    const double *kappa_defined; /* 0: the curvature is undefined; NULL: it is defined at all points */
     const double *alpha;         /* repulsion amplitude of (13); 1 without alpha and equalised areas */
     const double *energy;        /* E_i, the sum over all neighbours */
     const double *spacing;       /* requested spacing at the point */

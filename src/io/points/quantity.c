@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/points/quantity.h"
 
+#include <stdlib.h>
+
+#include "base/core/memory.h"
 #include "geometry/space/bbox.h"
 
 /* Title, type of scale, and smallest range that is significant. */
@@ -48,6 +51,25 @@ const char *quantity_title(const quantity_look *look)
     return look->title ? look->title : shown_of[look->which].title;
 }
 
+const double quantity_undefined_color[3] = {0.55, 0.55, 0.55};
+
+/* The scale of the defined values. */
+static bool scale_of_defined(const points *set, const quantity_look *look, bool root, double least,
+                             colormap_scale *out, error *e)
+{
+    const double *values = quantity_values(set, look);
+    size_t count = 0;
+    for (size_t i = 0; i < set->count; i++) count += quantity_is_defined(set, look, i);
+    if (count == set->count) return colormap_scale_of(values, count, root, least, out, e);
+    double *defined = mem_array(count, sizeof *defined, "the colour scale", e);
+    count = 0;
+    for (size_t i = 0; defined && i < set->count; i++)
+        if (quantity_is_defined(set, look, i)) defined[count++] = values[i];
+    const bool ok = defined && colormap_scale_of(defined, count, root, least, out, e);
+    free(defined);
+    return ok;
+}
+
 bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
                     error *e)
 {
@@ -57,7 +79,7 @@ bool quantity_scale(const points *set, const quantity_look *look, double extent,
     if (look->low < look->high)
         scale = (colormap_scale){look->low, look->high, s->root && look->low >= 0, look->map};
     else if (look->which != QUANTITY_DEGREE && look->which != QUANTITY_COLOR &&
-             !colormap_scale_of(quantity_values(set, look), set->count, s->root, s->least * unit, &scale, e))
+             !scale_of_defined(set, look, s->root, s->least * unit, &scale, e))
         return false;
     scale.map = look->map;
     *out = scale;
@@ -74,7 +96,8 @@ bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, er
     for (size_t i = 0; i < set->count; i++) {
         double srgb[3];
         colormap_color(scale.map, colormap_scale_place(&scale, values[i]), srgb);
-        out[i] = vec3_make(srgb[0], srgb[1], srgb[2]);
+        const double *color = quantity_is_defined(set, look, i) ? srgb : quantity_undefined_color;
+        out[i] = vec3_make(color[0], color[1], color[2]);
     }
     return true;
 }

@@ -25,6 +25,15 @@ typedef struct quantity_look {
     const double *values; /* for QUANTITY_VALUES and QUANTITY_COLOR */
 } quantity_look;
 
+/* Whether the quantity is defined at point i. Points at which it is not are grey. */
+static inline bool quantity_is_defined(const points *set, const quantity_look *look, size_t i)
+{
+    return look->which != QUANTITY_CURVATURE || !set->kappa_defined || set->kappa_defined[i] != 0;
+}
+
+/* The color of points at which the quantity is undefined: a grey that no map has, sRGB. */
+extern const double quantity_undefined_color[3];
+
 /* The values, one per point; owned by the set or the look. */
 const double *quantity_values(const points *set, const quantity_look *look);
 

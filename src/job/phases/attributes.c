@@ -125,6 +125,8 @@ static char *name_of(const spec_attribute *a, int place)
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
 /* Name of the property that marks given points that are kept. */
 static const char kept_name[] = "kept";
+/* Name of the property that marks points whose curvature is defined. */
+static const char defined_name[] = "kappa_defined";
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
 static size_t place_count(const source *from)
@@ -247,6 +249,19 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
            error_prefix(e, "/output/ply/properties");
 }
 
+/* Adds `kappa_defined`, if the surface has a mesh and no attribute has this name. */
+static void add_defined(const source *from, attributes *out)
+{
+    if (!point_curvature_has_mesh(from)) return;
+    for (size_t k = 0; k < out->count; k++)
+        out->has_own_defined |= strcasecmp(out->entries[k].name, defined_name) == 0;
+    if (out->has_own_defined) return;
+    out->entries[out->count] = (attributes_entry){.name = mem_strdup(defined_name), .fd = -1, .place = -1};
+    out->values[out->count] =
+        (point_attribute){out->entries[out->count].name, POINT_ATTRIBUTE_INT, 1, NULL, false};
+    out->count++;
+}
+
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e)
 {
     const size_t of_patches = place_count(from),
@@ -254,8 +269,8 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
     out->count = places + s->attribute_count;
     for (size_t k = 0; k < s->attribute_count; k++)
         if (is_place(&s->attributes[k])) out->count += ATTACHMENT_ARRAYS - 1;
-    out->entries = mem_alloc(out->count * sizeof *out->entries);
-    out->values = mem_alloc(out->count * sizeof *out->values);
+    out->entries = mem_alloc((out->count + 1) * sizeof *out->entries); /* one more: add_defined */
+    out->values = mem_alloc((out->count + 1) * sizeof *out->values);
     for (size_t k = 0; k < places; k++) {
         const char *name = k < of_patches ? place_names[k] : kept_name;
         out->entries[k] = (attributes_entry){.name = mem_strdup(name), .fd = -1, .place = -1};
@@ -280,6 +295,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
              error_prefix(e, "/attributes/%td", entry->spec - s->attributes);
     }
     attribute_forget(&last);
+    if (ok) add_defined(from, out);
     return ok && check_outputs(s, out, e);
 }
 
@@ -289,6 +305,29 @@ static size_t find_located(const attributes *a, const char *name)
     size_t k = 0;
     while (k < a->count && (!a->entries[k].name || strcmp(a->entries[k].name, name) != 0)) k++;
     return k;
+}
+
+/* The index of `kappa_defined`, unless a spec's attribute has this name; a->count: there is none. */
+static size_t find_own_defined(const attributes *a)
+{
+    size_t k = 0;
+    while (k < a->count && (a->entries[k].spec || strcmp(a->entries[k].name, defined_name) != 0 ||
+                            a->values[k].kind != POINT_ATTRIBUTE_INT || a->values[k].components != 1))
+        k++;
+    return k;
+}
+
+/* Makes an attribute the last one. */
+static void move_to_end(attributes *a, size_t k)
+{
+    if (k >= a->count) return;
+    const attributes_entry entry = a->entries[k];
+    const point_attribute value = a->values[k];
+    const size_t behind = a->count - k - 1;
+    memmove(a->entries + k, a->entries + k + 1, behind * sizeof *a->entries);
+    memmove(a->values + k, a->values + k + 1, behind * sizeof *a->values);
+    a->entries[a->count - 1] = entry;
+    a->values[a->count - 1] = value;
 }
 
 void attributes_adopt(attributes *a, const point_attribute *given, size_t count)
@@ -321,6 +360,7 @@ void attributes_adopt(attributes *a, const point_attribute *given, size_t count)
     a->entries = entries;
     a->values = values;
     a->count = n;
+    move_to_end(a, find_own_defined(a));
 }
 
 /* ---- values ---- */
@@ -339,29 +379,14 @@ static void read_place(const char *name, const source *from, const solver_points
     }
 }
 
-/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary:
- * the first component that is not nearly zero is positive. */
-static vec3 principal_direction(const field_sample *s, bool larger)
-{
-    static const double zero = 1e-9;
-    vec3 n = vec3_unit(s->gradient), u, v;
-    vec3_frame(n, &u, &v);
-    vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
-    double a = vec3_dot(u, hu), b = vec3_dot(u, hv), c = vec3_dot(v, hv);
-    double turn = 0.5 * atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2);
-    vec3 d = vec3_add(vec3_scale(u, cos(turn)), vec3_scale(v, sin(turn)));
-    for (int axis = 0; axis < 3; axis++) {
-        double component = vec3_get(d, axis);
-        if (fabs(component) > zero) return component < 0 ? vec3_scale(d, -1) : d;
-    }
-    return d;
-}
-
-static void read_geometry(const char *name, const source *from, const double *weight, const points *set,
+/* Values of the surface itself, from what the job has set in *a. */
+static void read_geometry(const char *name, const source *from, const attributes *a, const points *set,
                           double *values)
 {
+    const bool is_first = strcmp(name, "direction1") == 0;
+    const point_curvature *curvature = a->curvature;
     if (strcmp(name, SPEC_GEOMETRY_WEIGHT) == 0) {
-        memcpy(values, weight, set->count * sizeof *values);
+        memcpy(values, a->weight, set->count * sizeof *values);
         return;
     }
     for (size_t i = 0; i < set->count; i++) {
@@ -371,8 +396,11 @@ static void read_geometry(const char *name, const source *from, const double *we
             values[i] = (double)source_part_at(from, set->position[i]);
             continue;
         }
-        if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
-            d = principal_direction(&sample, strcmp(name, "direction1") == 0);
+        if (curvature && curvature[i].is_on_mesh) {
+            d = is_first ? curvature[i].direction1 : curvature[i].direction2;
+            if (from->turned) d = placement_turn_normal(from->turned, d);
+        } else if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
+            d = field_principal_direction(&sample, is_first);
         memcpy(values + 3 * i, &d, 3 * sizeof *values);
     }
 }
@@ -426,10 +454,13 @@ static bool read_one(const attributes *a, size_t k, const source *from, const so
     if (entry->place >= 0) return true; /* read_attachment fills it in */
     if (!entry->spec && strcmp(entry->name, kept_name) == 0)
         for (size_t i = 0; i < set->count; i++) values[i] = a->kept[i];
+    else if (!entry->spec && strcmp(entry->name, defined_name) == 0)
+        for (size_t i = 0; i < set->count; i++)
+            values[i] = !a->curvature || !a->curvature[i].is_on_mesh || a->curvature[i].is_defined;
     else if (!entry->spec)
         read_place(entry->name, from, solved, values);
     else if (!entry->request.path)
-        read_geometry(entry->spec->name, from, a->weight, set, values);
+        read_geometry(entry->spec->name, from, a, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
     for (size_t i = 0; out->kind == POINT_ATTRIBUTE_INT && i < numbers; i++) values[i] = round(values[i]);
@@ -467,6 +498,8 @@ static bool derive(attributes *a, points *set, error *e)
     }
     set->attribute_count = a->count;
     set->attributes = a->values;
+    const size_t defined = find_own_defined(a);
+    if (defined < a->count) set->kappa_defined = a->values[defined].values;
     set->color = a->color;
     set->uv = a->uv;
     return true;
@@ -537,6 +570,11 @@ json *attributes_describe(const attributes *a, json *warnings)
 {
     static const char *const types[] = {"float", "int", "vector", "normal", "color", "uv"};
     if (a->count == 0) return NULL;
+    if (a->has_own_defined)
+        json_append_string(
+            warnings,
+            "attribute \"kappa_defined\" has values of the spec: those of the curvature are left out. "
+            "Give the attribute another name as `as`.");
     json *list = json_new_array();
     for (size_t k = 0; k < a->count; k++) {
         const attributes_entry *entry = &a->entries[k];

@@ -2,7 +2,8 @@
 /* attributes: values that the points of a job carry in addition to their own properties.
  *
  * They are located when the job opens its inputs, and read when the points are final. On a surface with
- * patches the first ones are `feature` (solver_feature) and `patch`. The place of the points on the meshes of
+ * patches the first ones are `feature` (solver_feature) and `patch`. On a surface with a mesh the last one is
+ * `kappa_defined` (point_curvature.h). The place of the points on the meshes of
  * the surface (`source`) is one attribute of the spec and several of the points
  * (job/attributes/attachment.h). One thread at a time.
  */
@@ -12,6 +13,7 @@
 #include "job/attributes/attribute.h"
 #include "io/points/points.h"
 #include "base/json/json.h"
+#include "job/source/point_curvature.h"
 #include "job/source/source.h"
 #include "job/phases/surface_meshes.h"
 #include "sampling/solver/solver.h"
@@ -26,6 +28,9 @@ typedef struct attributes {
     vec3 *color;             /* values of the first color attribute, or NULL */
     double *uv;              /* values of the first texture coordinates, or NULL */
     surface_meshes meshes;   /* if places on them are requested */
+    /* per point, set by the job before attributes_read: its curvature; NULL: no part of the surface is a mesh */
+    const point_curvature *curvature;
+    bool has_own_defined; /* a spec's attribute is called kappa_defined: that of hexad is left out */
     const bool *kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode
                        * keep) */
     const double *weight; /* the same: its quadrature weight, if that is requested */
@@ -41,8 +46,8 @@ bool attributes_check_named(const spec *s, const points *set, error *e);
  * failure, too. */
 bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e);
 
-/* Adds attributes whose values are known, before all others and in the order of the list. One that *a has
- * located under the same name replaces a given one. Takes ownership of the names and values. */
+/* Adds attributes whose values are known, before all others and in the order of the list, except `kappa_defined`,
+ * which becomes the last one. One that *a has located under the same name replaces a given one. Takes ownership of the names and values. */
 void attributes_adopt(attributes *a, const point_attribute *given, size_t count);
 
 /* Reads the values at the points of `set`, which are those of `solved`, and sets its attributes, color and

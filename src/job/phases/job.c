@@ -196,6 +196,22 @@ static const double CURVE_STEP = 0.05;
 /* Maximum excess energy of a frame of a sequence, relative to a frame that starts without points. */
 static const double MORE_DISORDER = 1.5;
 
+/* The curvature of places on meshes, for a sizing field. */
+static bool curvature_at_points(const void *context, size_t count, const vec3 *position, const vec3 *normal,
+                                const uint32_t *patch, threads *pool, double *kappa1, double *kappa2,
+                                error *e)
+{
+    const point_curvature_input in = {count, position, normal, patch, NULL};
+    point_curvature *found = mem_array(count, sizeof *found, "the grading", e);
+    const bool ok = found && point_curvature_find(context, &in, pool, found, e);
+    for (size_t i = 0; ok && i < count; i++) {
+        kappa1[i] = found[i].is_defined ? found[i].kappa1 : NAN;
+        kappa2[i] = found[i].is_defined ? found[i].kappa2 : NAN;
+    }
+    free(found);
+    return ok;
+}
+
 /* Makes the sizing field of the job for `count` points. 0: for as many as the request needs. */
 static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
 {
@@ -209,6 +225,8 @@ static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e
         .exponent = s->curvature.exponent,
         .scale_spacings = s->curvature.has_scale ? s->curvature.scale.spacings : DEFAULT_OWN_SCALE,
         .scale_world = s->curvature.scale.world,
+        .curvature = point_curvature_has_mesh(&j->source) ? curvature_at_points : NULL,
+        .curvature_context = &j->source,
         .map = map_value,
         .map_context = j->source.map,
         .feature_ratio = s->has_feature ? s->feature.ratio : 0,
@@ -686,6 +704,30 @@ static bool turn_points(const source *from, const given_points *given, points *s
     return true;
 }
 
+/* Replaces the curvature of points on meshes, which is that of the sampled field, by that of the meshes. *numbers:
+ * the new arrays of the set. *out: the values of the points. NULL: no part of the surface is a mesh. */
+static bool find_curvature(const job *j, points *set, point_curvature **out, double **numbers, error *e)
+{
+    const solver_points *p = solver_result_points(j->solution.solver);
+    const size_t n = p->count;
+    if (!point_curvature_has_mesh(&j->source)) return true;
+    const point_curvature_input in = {n, p->position, p->normal, p->patch, p->hint};
+    *out = mem_array(n, sizeof **out, "the result", e);
+    *numbers = mem_array(3 * n, sizeof **numbers, "the result", e);
+    if (!*out || !*numbers || !point_curvature_find(&j->source, &in, j->pool, *out, e)) return false;
+    double *kappa = *numbers, *kappa1 = kappa + n, *kappa2 = kappa1 + n;
+    for (size_t i = 0; i < n; i++) {
+        const point_curvature *c = &(*out)[i];
+        kappa1[i] = c->is_on_mesh ? c->kappa1 : p->kappa1[i];
+        kappa2[i] = c->is_on_mesh ? c->kappa2 : p->kappa2[i];
+        kappa[i] = sqrt(kappa1[i] * kappa1[i] + kappa2[i] * kappa2[i]);
+    }
+    set->kappa = kappa;
+    set->kappa1 = kappa1;
+    set->kappa2 = kappa2;
+    return true;
+}
+
 /* Marks the points that were given, in the order of the results. NULL: none. */
 static bool find_kept(const job *j, const point_order *order, size_t count, bool **out, error *e)
 {
@@ -726,6 +768,8 @@ bool job_write_points(job *j, error *e)
                         .frame = j->options->frame};
     mesh_projection l;
     vec3 *turned = NULL;
+    point_curvature *curvature = NULL;
+    double *numbers = NULL;
     point_order order = {0};
     bool *kept = NULL;
     const label_surface *labels = j->source.whole.labels;
@@ -744,10 +788,12 @@ bool job_write_points(job *j, error *e)
     json_free(j->report);
     j->report = json_new_object();
     double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
-    bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
-              point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool,
-                               &order, e) &&
-              point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
+    bool ok = find_curvature(j, &set, &curvature, &numbers, e);
+    j->attributes.curvature = curvature;
+    ok = ok && attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
+         point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool, &order,
+                          e) &&
+         point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
     in.place = order.place;
     char *comments = surface_meshes_comments(&j->attributes.meshes);
     in.comments = comments;
@@ -756,7 +802,10 @@ bool job_write_points(job *j, error *e)
     ok = ok && results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"),
                              &j->results, e);
     free(comments);
+    j->attributes.curvature = NULL;
     point_order_free(&order);
+    free(curvature);
+    free(numbers);
     free(turned);
     free(kept);
     return ok;

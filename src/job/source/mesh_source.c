@@ -182,9 +182,19 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
     }
     const double found = given.feature_angle;
     const bool rough = given.has_rough_curves;
+    mesh uncut = {0};
+    if (r->region) {
+        uncut = given.m;
+        given.m = (mesh){0};
+        if (r->to_world) mesh_move(&uncut, r->to_world);
+    }
     mesh_patches_free(&given);
-    if (!make_patches(r, w, found, true, notes, made, e)) return false;
+    if (!make_patches(r, w, found, true, notes, made, e)) {
+        mesh_free(&uncut);
+        return false;
+    }
     made->has_rough_curves = rough;
+    made->uncut = uncut;
     return true;
 }
 
@@ -226,22 +236,22 @@ static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *
     bool ok = set && of_root;
     size_t found = ok ? gather_holes(m, open, count, set, of_root) : 0;
     vec3 *vertex = ok ? mem_array(m->vertex_count + found, sizeof *vertex, what, e) : NULL;
-    uint32_t(*triangle)[3] = vertex ? mem_array(m->triangle_count + count, sizeof *triangle, what, e) : NULL;
-    ok = triangle != NULL;
+    uint32_t(*faces)[3] = vertex ? mem_array(m->triangle_count + count, sizeof *faces, what, e) : NULL;
+    ok = faces != NULL;
     if (ok) {
         memcpy(vertex, m->vertex, m->vertex_count * sizeof *vertex);
-        memcpy(triangle, m->triangle, m->triangle_count * sizeof *triangle);
+        memcpy(faces, m->triangle, m->triangle_count * sizeof *faces);
         for (size_t k = 0; k < count; k++) {
             const hole *h = &of_root[sets_root(set, open[k].from)];
             vertex[h->middle] = vec3_scale(h->sum, 1 / (double)h->ends);
-            uint32_t *t = triangle[m->triangle_count + k];
+            uint32_t *t = faces[m->triangle_count + k];
             t[0] = open[k].to;
             t[1] = open[k].from;
             t[2] = h->middle;
         }
         free(m->vertex);
         free(m->triangle);
-        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, triangle, false};
+        *m = (mesh){m->vertex_count + found, m->triangle_count + count, vertex, faces, false};
         *holes = found;
     } else {
         free(vertex);

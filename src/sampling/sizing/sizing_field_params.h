@@ -5,6 +5,8 @@
 
 #include <stddef.h>
 
+#include "base/core/error.h"
+#include "base/core/threads.h"
 #include "sampling/sizing/curve_distance.h"
 
 typedef enum sizing_field_kind {
@@ -19,8 +21,13 @@ typedef struct sizing_field_params {
     sizing_field_kind kind;
     double chord_error;
     /* Distance over which curvature is averaged (scaled_curvature): in local spacings, or in world units.
-     * Both 0: the field's own curvature, at points. */
+     * Both 0: the curvature at points. */
     double scale_spacings, scale_world;
+    /* Computes the curvatures at points of the surface, in two arrays, where the scale is 0. NaN: it is that of the
+     * field. NULL: it is that of the field everywhere. */
+    bool (*curvature)(const void *context, size_t count, const vec3 *position, const vec3 *normal,
+                      const uint32_t *patch, threads *pool, double *kappa1, double *kappa2, error *e);
+    const void *curvature_context;
     double ratio, exponent;
     /* value of the map at x; NaN: it has none, and no points are requested there */
     double (*map)(const void *context, vec3 x);

@@ -243,6 +243,41 @@ bool spacing_request_find(spacing_request *r, const double *over, double *spacin
     return true;
 }
 
+/* Replaces curvatures of the field by those that params->curvature computes. */
+static bool request_at_points(spacing_request *r, threads *pool, error *e)
+{
+    static const char what[] = "the grading";
+    const sizing_field_params *p = r->params;
+    const size_t cells = r->scan->cells;
+    size_t count = 0;
+    vec3 *position = mem_array(cells, sizeof *position, what, e),
+         *normal = mem_array(cells, sizeof *normal, what, e);
+    uint32_t *patch = mem_array(cells, sizeof *patch, what, e);
+    double *kappa1 = mem_array(cells, sizeof *kappa1, what, e),
+           *kappa2 = mem_array(cells, sizeof *kappa2, what, e);
+    bool ok = position && normal && patch && kappa1 && kappa2;
+    for (size_t k = 0; ok && k < cells; k++) {
+        if (isnan(r->value[k])) continue;
+        position[count] = r->samples.position[k];
+        normal[count] = r->samples.normal[k];
+        patch[count++] = r->samples.patch[k];
+    }
+    ok = ok && p->curvature(p->curvature_context, count, position, normal, patch, pool, kappa1, kappa2, e);
+    for (size_t k = cells; ok && k-- > 0;) {
+        if (isnan(r->value[k])) continue;
+        count--;
+        if (isnan(kappa1[count])) continue;
+        const double kappa = sqrt(kappa1[count] * kappa1[count] + kappa2[count] * kappa2[count]);
+        r->value[k] = curvature_of(r, kappa, kappa1[count], kappa2[count]);
+    }
+    free(position);
+    free(normal);
+    free(patch);
+    free(kappa1);
+    free(kappa2);
+    return ok;
+}
+
 bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing_field_params *params,
                            double even, threads *pool, error *e)
 {
@@ -251,6 +286,9 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
     if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
     threads_run(pool, scan->cells, THREADS_GRAIN, request_chunk, r);
     if (!spacing_request_is_at_points(params) && !measure_octaves(r, pool, e)) return false;
+    if (is_by_curvature(params) && spacing_request_is_at_points(params) && params->curvature &&
+        !request_at_points(r, pool, e))
+        return false;
     if (params->feature_ratio > 0) {
         r->feature = mem_array(scan->cells, sizeof *r->feature, "the grading", e);
         if (!r->feature || !feature_size_measure(scan, &r->samples, pool, r->feature, e)) return false;

@@ -268,6 +268,7 @@ static void describe_patch_points(solver *s, const double *spacing)
                                               p->patch, s->record.point, p->place,  s->record.flags};
     out->feature = s->record.feature;
     out->patch = p->patch;
+    out->hint = p->hint;
     if (p->patch) out->curve = s->state.plan.quotas[s->state.level].samples.curve;
 }
 

@@ -148,6 +148,7 @@ typedef struct solver_points {
     solver_patch_points patch_points;
     const uint8_t *feature; /* per point: solver_feature; NULL without patches */
     const uint32_t *patch;  /* per point; on a curve one of the incident patches; NULL without patches */
+    const uint32_t *hint;   /* per point: for `sample_near` of the field of its patch; NULL without patches */
     const uint32_t *curve; /* indexed by patch_points.place: the curve of that sample; NULL without patches */
     const vec3 *position, *normal;
     const double *kappa, *kappa1, *kappa2, *alpha;

@@ -18,3 +18,19 @@ double field_curvature(const field_sample *s, double *kappa1, double *kappa2)
                      kappa2);
     return sqrt(*kappa1 * *kappa1 + *kappa2 * *kappa2);
 }
+
+vec3 field_principal_direction(const field_sample *s, bool larger)
+{
+    static const double zero = 1e-9;
+    vec3 n = vec3_unit(s->gradient), u, v;
+    vec3_frame(n, &u, &v);
+    vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
+    double a = vec3_dot(u, hu), b = vec3_dot(u, hv), c = vec3_dot(v, hv);
+    double turn = 0.5 * atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2);
+    vec3 d = vec3_add(vec3_scale(u, cos(turn)), vec3_scale(v, sin(turn)));
+    for (int axis = 0; axis < 3; axis++) {
+        double component = vec3_get(d, axis);
+        if (fabs(component) > zero) return component < 0 ? vec3_scale(d, -1) : d;
+    }
+    return d;
+}

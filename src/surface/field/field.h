@@ -244,4 +244,8 @@ void field_sample_lanes(const field *f, const vec3_lanes *x, bool defined[VEC3_L
  * section 3. */
 double field_curvature(const field_sample *s, double *kappa1, double *kappa2);
 
+/* Unit vector along the principal direction of the larger or the smaller curvature. Its sign is arbitrary:
+ * the first component that is not nearly zero is positive. */
+vec3 field_principal_direction(const field_sample *s, bool larger);
+
 #endif

@@ -163,3 +163,14 @@ vec3 placement_turn_normal(const placement *p, vec3 normal)
 {
     return vec3_unit(affine_pull_gradient(p->to_part, normal));
 }
+
+vec3 placement_turn_normal_to_part(const placement *p, vec3 normal)
+{
+    return vec3_unit(affine_pull_gradient(p->to_world, normal));
+}
+
+void placement_turn_sample(const placement *p, field_sample *s)
+{
+    s->gradient = affine_pull_gradient(p->to_part, s->gradient);
+    s->hessian = affine_pull_hessian(p->to_part, s->hessian);
+}

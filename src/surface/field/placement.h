@@ -27,5 +27,9 @@ double placement_scale(const placement *p);
 /* Maps a place, and a unit normal of the part, to the world. */
 vec3 placement_to_world(const placement *p, vec3 x);
 vec3 placement_turn_normal(const placement *p, vec3 normal);
+/* Maps a unit normal of the world to the part. */
+vec3 placement_turn_normal_to_part(const placement *p, vec3 normal);
+/* Changes the derivatives of a sample of the part to those in the world. */
+void placement_turn_sample(const placement *p, field_sample *s);
 
 #endif

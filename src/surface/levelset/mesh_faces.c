@@ -196,6 +196,32 @@ vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal)
     return mesh_faces_to_world(f, place);
 }
 
+/* The place on triangle n of a group, for the whole mesh. */
+static mesh_place place_in_group(const mesh_faces *f, size_t group, size_t n, vec3 x)
+{
+    mesh_place out = {.triangle = (uint32_t)(f->group[group].triangle - f->m.triangle + (ptrdiff_t)n)};
+    const uint32_t *t = f->m.triangle[out.triangle];
+    const triangle of = {f->m.vertex[t[0]], f->m.vertex[t[1]], f->m.vertex[t[2]]};
+    triangle_weights(&of, x, out.weight);
+    out.distance = sqrt(triangle_distance2(&of, x));
+    return out;
+}
+
+mesh_place mesh_faces_place(const mesh_faces *f, vec3 x, vec3 normal)
+{
+    const projection l = {f, to_voxels(f, x), vec3_unit(normal)};
+    size_t n, group = triangle_forest_find(f->trees, l.x, &n);
+    mesh_place out = place_in_group(f, group, n, l.x);
+    const uint32_t *t = f->m.triangle[out.triangle];
+    const triangle of = {f->m.vertex[t[0]], f->m.vertex[t[1]], f->m.vertex[t[2]]};
+    const bool is_inside = out.weight[0] > 0 && out.weight[1] > 0 && out.weight[2] > 0;
+    if (is_inside && looks_its_way(&l, n, &of)) return out;
+    vec3 at = l.x;
+    triangle_forest_find_accepted(f->trees, l.x, farthest, looks_its_way, &l, &at);
+    mesh_place_find_among(f->trees, at, &l.normal, INFINITY, &group, &out);
+    return place_in_group(f, group, out.triangle, l.x);
+}
+
 bool mesh_faces_has_hidden(const mesh_faces *f)
 {
     return f->hides;
@@ -204,6 +230,11 @@ bool mesh_faces_has_hidden(const mesh_faces *f)
 const mesh *mesh_faces_mesh(const mesh_faces *f)
 {
     return &f->m;
+}
+
+double mesh_faces_unit(const mesh_faces *f)
+{
+    return f->voxel;
 }
 
 vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox)

@@ -16,6 +16,7 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
+#include "surface/triangles/mesh_place.h"
 
 typedef struct mesh_faces mesh_faces;
 
@@ -35,6 +36,12 @@ bool mesh_faces_has_hidden(const mesh_faces *f);
 /* The triangles, in voxels and sorted by groups; and the conversion of a place to world units. */
 const mesh *mesh_faces_mesh(const mesh_faces *f);
 vec3 mesh_faces_to_world(const mesh_faces *f, vec3 x_vox);
+/* The length of a voxel, world units. */
+double mesh_faces_unit(const mesh_faces *f);
+
+/* The place of a point x of the surface, or of a surface at a distance from it, on the triangles: nearest to x, of
+ * those that face the way of the normal, if there are such within 2 voxels. `normal`: of any length > 0. */
+mesh_place mesh_faces_place(const mesh_faces *f, vec3 x, vec3 normal);
 
 /* The closest place of all triangles, hidden ones included. */
 vec3 mesh_faces_nearest(const mesh_faces *f, vec3 x);

@@ -697,6 +697,7 @@ bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *n
 void mesh_patches_free(mesh_patches *p)
 {
     mesh_free(&p->m);
+    mesh_free(&p->uncut);
     free(p->first);
     free(p->one_sided);
     free(p->reversed);

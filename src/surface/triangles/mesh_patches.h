@@ -58,6 +58,9 @@ typedef struct mesh_patches {
     size_t corner_count;
     /* see surface/field/patches.h; false unless the owner sets them */
     bool merges_near_curves, has_rough_curves, has_many_parts;
+    /* the triangles before a region cut them, if it did; otherwise empty. Vertices are shared within a patch only.
+     * Set by the owner */
+    mesh uncut;
 } mesh_patches;
 
 /* Takes ownership of *m and zeroes it, also on failure: the caller has nothing to free then. *out is

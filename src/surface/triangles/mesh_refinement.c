@@ -123,7 +123,9 @@ static bool find_middles(halving *h, const vec3 *normal, double longest, error *
     return ok;
 }
 
-static void fill(const halving *h, mesh *out, size_t *first, size_t count)
+/* before, after: the arrays *whole of mesh_refine. */
+static void fill(const halving *h, mesh *out, size_t *first, size_t count, const uint32_t *before,
+                 uint32_t *after)
 {
     size_t to = 0, group = 0;
     for (size_t v = 0; v < h->m->vertex_count; v++) out->vertex[v] = h->m->vertex[v];
@@ -137,15 +139,18 @@ static void fill(const halving *h, mesh *out, size_t *first, size_t count)
         const bool halved[3] = {corner[3] != NONE, corner[4] != NONE, corner[5] != NONE};
         int parts[4][3];
         const int made = triangle_split(halved, parts);
-        for (int i = 0; i < made; i++, to++)
+        for (int i = 0; i < made; i++, to++) {
             for (int k = 0; k < 3; k++) out->triangle[to][k] = corner[parts[i][k]];
+            after[to] = before ? before[n] : (uint32_t)n;
+        }
     }
     for (; group <= count; group++) first[group] = to;
 }
 
 bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
-                 bool *changed, error *e)
+                 uint32_t **whole, bool *changed, error *e)
 {
+    uint32_t *parts_of = NULL;
     halving h = {.m = m, .vertices = m->vertex_count, .triangles = m->triangle_count};
     mesh out = {0};
     *changed = false;
@@ -156,14 +161,18 @@ bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_
     if (*changed) {
         out = (mesh){h.vertices, h.triangles, mem_array(h.vertices, sizeof *out.vertex, what, e),
                      mem_array(h.triangles, sizeof *out.triangle, what, e), false};
-        ok = out.vertex && out.triangle;
+        parts_of = mem_array(h.triangles, sizeof *parts_of, what, e);
+        ok = out.vertex && out.triangle && parts_of;
     }
     if (ok && *changed) {
-        fill(&h, &out, first, count);
+        fill(&h, &out, first, count, *whole, parts_of);
         mesh_free(m);
+        free(*whole);
         *m = out;
+        *whole = parts_of;
     } else {
         mesh_free(&out);
+        free(parts_of);
     }
     free(h.middle);
     return ok;

@@ -17,11 +17,14 @@
  * an edge is halved in all patches or in none. Group k has the triangles first[k] .. first[k + 1] - 1, k <
  * count, before and after.
  *
+ * *whole: per triangle, the index of the triangle before all rounds that contains it; NULL: its own index. It is
+ * replaced if the mesh changes, and freed by the caller.
+ *
  * *changed: an edge was halved. If the result would have more than `most` triangles, the mesh stays as it is,
  * *changed is false and the function returns true. Error: limit_memory; the mesh is unchanged then,
  * and *changed undefined.
  */
 bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
-                 bool *changed, error *e);
+                 uint32_t **whole, bool *changed, error *e);
 
 #endif

@@ -4,11 +4,13 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 #include "geometry/space/smooth_triangle.h"
 #include "geometry/mesh/mesh_edges.h"
+#include "surface/triangles/mesh_place.h"
 #include "surface/triangles/triangle_tree.h"
 #include "surface/triangles/mesh_place.h"
 #include "surface/triangles/mesh_refinement.h"
@@ -72,7 +74,8 @@ typedef struct patch_field {
 struct mesh_surface {
     field base;
     mesh_patches mesh;
-    size_t given;       /* triangles before refinement */
+    mesh given;         /* the mesh before refinement; its vertices are the first ones of the refined mesh */
+    uint32_t *whole;    /* per triangle: the triangle of `given` that contains it; NULL: itself */
     bool has_one_sided; /* a patch is one-sided */
     field_patches patches;
     patch_field *patch;
@@ -736,7 +739,9 @@ static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], con
 static size_t triangle_bytes(const mesh_surface *s)
 {
     const mesh *m = &s->mesh.m;
-    return m->triangle_count * (sizeof *m->triangle + sizeof *s->beside) +
+    const size_t given = s->whole ? s->given.triangle_count * sizeof *m->triangle : 0,
+                 whole = s->whole ? sizeof *s->whole : 0;
+    return given + m->triangle_count * (sizeof *m->triangle + sizeof *s->beside + whole) +
            m->vertex_count * (sizeof(vec3) + sizeof *s->at + sizeof *s->shape);
 }
 
@@ -763,14 +768,22 @@ static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, 
     mesh_patches *m = &s->mesh;
     vec3 *normal = NULL;
     const size_t most = memory_limit / REFINED_BYTES;
-    bool changed = true, ok = true;
+    s->given = (mesh){m->m.vertex_count, m->m.triangle_count, NULL,
+                      mem_array(m->m.triangle_count, sizeof *m->m.triangle, what, e), false};
+    bool changed = true, ok = s->given.triangle != NULL;
+    if (ok) memcpy(s->given.triangle, m->m.triangle, m->m.triangle_count * sizeof *m->m.triangle);
     for (int round = 0; ok && changed && round < MOST_ROUNDS; round++) {
         free(normal);
         normal = mem_array(m->m.vertex_count, sizeof *normal, what, e);
         ok = normal != NULL;
         if (!ok) break;
         find_normals(s, normal);
-        ok = mesh_refine(&m->m, normal, longest, most, m->first, m->count, &changed, e);
+        ok = mesh_refine(&m->m, normal, longest, most, m->first, m->count, &s->whole, &changed, e);
+    }
+    s->given.vertex = m->m.vertex;
+    if (!s->whole) {
+        free(s->given.triangle);
+        s->given.triangle = m->m.triangle;
     }
     s->at = ok ? mem_array(m->m.vertex_count, sizeof *s->at, what, e) : NULL;
     for (size_t v = 0; s->at && v < m->m.vertex_count; v++)
@@ -859,7 +872,6 @@ mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t mem
 {
     mesh_surface *s = mem_alloc(sizeof *s);
     s->mesh = *patches;
-    s->given = s->mesh.m.triangle_count;
     *patches = (mesh_patches){0};
     if (make(s, longest, memory_limit, e)) return s;
     mesh_surface_free(s);
@@ -871,6 +883,8 @@ void mesh_surface_free(mesh_surface *s)
     if (!s) return;
     triangle_forest_free(s->trees);
     for (size_t k = 0; s->patch && k < s->mesh.count; k++) triangle_tree_free(s->patch[k].tree);
+    if (s->whole) free(s->given.triangle);
+    free(s->whole);
     mesh_patches_free(&s->mesh);
     free(s->patches.patch);
     free(s->patch);
@@ -895,7 +909,49 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s)
 
 size_t mesh_surface_triangles(const mesh_surface *s)
 {
-    return s->given;
+    return s->given.triangle_count;
+}
+
+const mesh *mesh_surface_given(const mesh_surface *s)
+{
+    return &s->given;
+}
+
+const uint32_t (*mesh_surface_neighbours(const mesh_surface *s))[3]
+{
+    return s->whole ? NULL : (const uint32_t(*)[3])s->beside;
+}
+
+double mesh_surface_crease(const mesh_surface *s)
+{
+    return s->mesh.feature_edges > 0 ? INFINITY : MESH_PATCHES_ANGLE;
+}
+
+/* The triangle that has a point, by the rule of mesh_place.h. */
+static uint32_t place_triangle(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal)
+{
+    mesh_place place;
+    size_t tree = patch;
+    if (patch < s->mesh.count)
+        mesh_place_find(s->patch[patch].tree, x, &normal, INFINITY, &place);
+    else
+        mesh_place_find_among(s->trees, x, &normal, INFINITY, &tree, &place);
+    return (uint32_t)(s->patch[tree].first + place.triangle);
+}
+
+mesh_place mesh_surface_place(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint)
+{
+    mesh_place out = {.triangle = hint};
+    const bool is_hint = patch < s->mesh.count && is_of_patch(&s->patch[patch], hint);
+    if (!is_hint || !walk(s, &out.triangle, x, out.weight) || !touches(s, out.triangle, x, out.weight))
+        out.triangle = place_triangle(s, patch, x, normal);
+    if (s->whole) out.triangle = s->whole[out.triangle];
+    const uint32_t *t = s->given.triangle[out.triangle];
+    const vec3 *v = s->given.vertex;
+    const triangle of = {v[t[0]], v[t[1]], v[t[2]]};
+    triangle_weights(&of, x, out.weight);
+    out.distance = sqrt(triangle_distance2(&of, x));
+    return out;
 }
 
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x)

@@ -15,6 +15,7 @@
 #include "base/core/error.h"
 #include "surface/field/field.h"
 #include "surface/triangles/mesh_patches.h"
+#include "surface/triangles/mesh_place.h"
 
 typedef struct mesh_surface mesh_surface;
 
@@ -28,8 +29,18 @@ void mesh_surface_free(mesh_surface *s); /* accepts NULL */
 const field *mesh_surface_field(const mesh_surface *s);
 /* The patches, with refined triangles. */
 const mesh_patches *mesh_surface_patches(const mesh_surface *s);
-/* The number of triangles before refinement. */
+/* The number of triangles before refinement; the mesh of these triangles. Vertices are shared within a patch only. */
 size_t mesh_surface_triangles(const mesh_surface *s);
+const mesh *mesh_surface_given(const mesh_surface *s);
+/* Per triangle of mesh_surface_given: the triangle across the side from corner k, UINT32_MAX: the patch ends there.
+ * NULL: they are not known. */
+const uint32_t (*mesh_surface_neighbours(const mesh_surface *s))[3];
+/* The dihedral angle, in radians, above which sides of triangles within a patch are creases: INFINITY if the mesh
+ * has feature edges, where patches end. */
+double mesh_surface_crease(const mesh_surface *s);
+/* The place on mesh_surface_given of a point x of a patch (UINT32_MAX: of any patch) with this unit normal. The hint:
+ * one that `sample_near` of the patch returned for a place nearby, or FIELD_NO_HINT. */
+mesh_place mesh_surface_place(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint);
 /* The closest place of all triangles. */
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x);
 /* A place of a patch. */

@@ -560,7 +560,10 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
             ok = false;
             *e = told;
         }
-        ok = ok && (!r->keep_faces || keep_faces(v, &m, l.solids > 1 || measured->hidden > 0, r->pool, e));
+    }
+    if (ok) {
+        v->projects = r->keep_faces && r->offset == 0;
+        ok = keep_faces(v, &m, v->projects && (l.solids > 1 || measured->hidden > 0), r->pool, e);
     }
     mesh_free(&m);
     if (ok) return v;
@@ -858,7 +861,17 @@ void volume_close(volume *v)
 
 const mesh_faces *volume_faces(const volume *v)
 {
+    return v->projects ? v->faces : NULL;
+}
+
+const mesh_faces *volume_mesh_faces(const volume *v)
+{
     return v->faces;
+}
+
+double volume_mesh_offset(const volume *v)
+{
+    return v->faces ? v->info.isovalue : 0;
 }
 
 const field *volume_field(const volume *v)

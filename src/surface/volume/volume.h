@@ -55,7 +55,7 @@ typedef struct volume_mesh_request {
     double weld;                   /* as in levelset_params */
     const mesh_edges *edges;       /* as in levelset_params, for a mesh that was read before */
     double offset;                 /* of the surface from the mesh, outwards, world units */
-    bool keep_faces;               /* keep the triangles, see volume_faces */
+    bool keep_faces;               /* points will be projected onto the triangles, see volume_faces */
     threads *pool;                 /* as in levelset_params */
     isa isa;                       /* as above */
 } volume_mesh_request;
@@ -105,8 +105,13 @@ volume *volume_open(const volume_request *request, error *e);
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
                        error *e);
 
-/* The triangles, if they were kept; otherwise, and with an offset, NULL. Owned by the volume. */
+/* The triangles onto which points are projected, if keep_faces; otherwise, and with an offset, NULL. Owned by the
+ * volume. */
 const mesh_faces *volume_faces(const volume *v);
+/* The triangles of the mesh; NULL for a grid. Owned by the volume. */
+const mesh_faces *volume_mesh_faces(const volume *v);
+/* The distance of the surface from the triangles, outwards, world units. */
+double volume_mesh_offset(const volume *v);
 
 /* The minimum voxel size with which a band extends around an offset, world units. */
 double volume_mesh_least_voxel(double offset);

@@ -34,7 +34,8 @@ struct volume {
     uint8_t *flat, *gentle;   /* likewise: cells by their field_bend */
     const spline *spline;
     crossed_cells cells; /* of the map's blocks */
-    mesh_faces *faces;   /* of a mesh, if kept; or NULL */
+    mesh_faces *faces;   /* of a mesh; or NULL */
+    bool projects;       /* points will be projected onto the faces */
     bool loose;          /* dense data whose faces are not axis-aligned */
     volume_info info;
 };

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+/* smooth_sides: which triangles of a mesh continue each other smoothly, and which of them are coplanar.
+ *
+ * A crease is a side without exactly one neighbour, or a side that is sharper than a given angle. The triangles
+ * around a vertex between two creases are a sector. Immutable after construction, any thread.
+ */
+#ifndef HEXAD_SURFACE_TRIANGLES_SMOOTH_SIDES_H
+#define HEXAD_SURFACE_TRIANGLES_SMOOTH_SIDES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/core/error.h"
+#include "base/core/threads.h"
+#include "geometry/mesh/mesh.h"
+
+typedef struct smooth_sides {
+    const mesh *m;
+    /* per triangle: the triangle across the side from corner k; UINT32_MAX: none */
+    const uint32_t (*beside)[3];
+    /* per triangle: bit k: coplanar with the triangle across the side from corner k; bit 3 + k: that side is a
+     * crease */
+    uint8_t *bits;
+    uint32_t (*own)[3]; /* `beside`, if it was not given */
+} smooth_sides;
+
+/* `m` is not owned, nor is `beside`, if it is not NULL. Sides with a larger dihedral angle than `crease`
+ * (radians, below pi / 2, or INFINITY: none) are creases. Free *out with smooth_sides_free, also after failure. Errors: limit_memory, cancelled. */
+bool smooth_sides_make(const mesh *m, const uint32_t (*beside)[3], double crease, threads *pool,
+                       smooth_sides *out, error *e);
+void smooth_sides_free(smooth_sides *s);
+
+static inline bool smooth_sides_is_crease(const smooth_sides *s, uint32_t triangle, int side)
+{
+    return s->bits[triangle] >> (3 + side) & 1;
+}
+
+static inline bool smooth_sides_is_coplanar(const smooth_sides *s, uint32_t triangle, int side)
+{
+    return s->bits[triangle] >> side & 1;
+}
+
+/* Whether the triangle is coplanar with any of its neighbours. */
+static inline bool smooth_sides_has_coplanar(const smooth_sides *s, uint32_t triangle)
+{
+    return s->bits[triangle] & 7;
+}
+
+/* A triangle of a sector, and one of its two sides at the vertex of the sector. */
+typedef struct sector_step {
+    uint32_t triangle;
+    uint32_t far;     /* the side's other end */
+    uint8_t corner;   /* of the triangle, at the vertex */
+    uint8_t side;     /* the side begins at this corner of the triangle, in its own orientation */
+    bool is_reversed; /* the triangle is oriented against the first one */
+} sector_step;
+
+/* The first step at a corner of a triangle; of its two sides there, the one that begins at the corner if
+ * `ahead`. */
+static inline sector_step sector_begin(const smooth_sides *s, uint32_t triangle, int corner, bool ahead)
+{
+    const int next = corner < 2 ? corner + 1 : 0, last = corner > 0 ? corner - 1 : 2;
+    const uint32_t *t = s->m->triangle[triangle];
+    return (sector_step){triangle, t[ahead ? next : last], (uint8_t)corner, (uint8_t)(ahead ? corner : last),
+                         false};
+}
+
+static inline bool sector_is_coplanar(const smooth_sides *s, const sector_step *at)
+{
+    return smooth_sides_is_coplanar(s, at->triangle, at->side);
+}
+
+/* Goes to the triangle across the side, and to its other side. False, with *at unchanged: the side is a crease. */
+static inline bool sector_next(const smooth_sides *s, sector_step *at)
+{
+    const uint32_t next = s->beside[at->triangle][at->side], v = s->m->triangle[at->triangle][at->corner];
+    if (smooth_sides_is_crease(s, at->triangle, at->side)) return false;
+    const uint32_t *t = s->m->triangle[next];
+    const int k = t[0] == v ? 0 : t[1] == v ? 1 : 2, ahead = k < 2 ? k + 1 : 0, behind = k > 0 ? k - 1 : 2;
+    const bool was_ahead = at->side == at->corner, is_ahead = t[ahead] == at->far;
+    *at = (sector_step){next, t[is_ahead ? behind : ahead], (uint8_t)k, (uint8_t)(is_ahead ? behind : k),
+                        at->is_reversed != (was_ahead == is_ahead)};
+    return true;
+}
+
+/* The first triangle of the sector, seen against the orientation of `triangle`: the one behind a crease, or
+ * `triangle` itself if the sector has none (*is_closed). The step is at its side away from the crease. */
+sector_step sector_first(const smooth_sides *s, uint32_t triangle, int corner, bool *is_closed);
+
+/* The sides of a sector that are not between coplanar triangles, creases included. */
+typedef struct sector_bends {
+    int count;       /* SECTOR_BENDS_MOST: that many or more */
+    uint32_t far[2]; /* the other ends of the first two */
+    bool is_closed;  /* the sector has no crease */
+} sector_bends;
+
+enum { SECTOR_BENDS_MOST = 3 };
+
+sector_bends sector_find_bends(const smooth_sides *s, uint32_t triangle, int corner);
+
+/* Whether the vertex is a corner of the facets of the sector: the boundary of the facets turns there, or there are
+ * more than two. */
+bool sector_is_corner(const smooth_sides *s, uint32_t triangle, int corner);
+
+/* Follows the boundary of a facet along a side that is not between coplanar triangles, to the next corner of the
+ * facet. The result is at this corner, in a triangle of the facet. */
+sector_step sector_follow(const smooth_sides *s, sector_step at);
+
+#endif
