@@ -84,17 +84,15 @@ static vec3 cross_of(const mesh *m, uint32_t n)
  * between two creases. */
 static vec3 sector_normal(const mesh_curvature *c, uint32_t triangle, int corner, bool *is_flat)
 {
-    bool is_closed;
-    sector_step at = sector_first(&c->sides, triangle, corner, &is_closed);
-    const uint32_t first = at.triangle;
+    const smooth_sides *s = &c->sides;
+    sector_walk w = sector_walk_begin(s, triangle, corner);
     vec3 sum = {0, 0, 0};
-    *is_flat = !is_closed;
-    for (int step = 0; step < SECTOR_MOST; step++) {
-        sum = vec3_axpy(at.is_reversed ? -1 : 1, cross_of(c->sides.m, at.triangle), sum);
-        const bool is_coplanar = sector_is_coplanar(&c->sides, &at);
-        if (!sector_next(&c->sides, &at) || at.triangle == first) break;
-        *is_flat &= is_coplanar;
-    }
+    *is_flat = true;
+    do {
+        if (!w.is_again) sum = vec3_axpy(w.at.is_reversed ? -1 : 1, cross_of(s->m, w.at.triangle), sum);
+        *is_flat &= sector_is_coplanar(s, &w.at) || smooth_sides_is_crease(s, w.at.triangle, w.at.side);
+    } while (sector_walk_next(s, &w));
+    *is_flat &= w.is_open;
     return vec3_unit(sum);
 }
 
@@ -108,15 +106,12 @@ static bool request_site(mesh_curvature *c, uint32_t triangle, uint32_t corner, 
     c->site = grown;
     site *added = &c->site[c->count++];
     *added = (site){.triangle = triangle, .corner = (uint8_t)corner};
-    bool is_closed;
-    sector_step at = sector_first(&c->sides, triangle, (int)corner, &is_closed);
-    const uint32_t first = at.triangle;
-    for (int step = 0; step < SECTOR_MOST; step++) {
-        c->site_of[at.triangle][at.corner] = (uint32_t)c->count;
-        if (at.triangle < added->triangle) *added = (site){.triangle = at.triangle, .corner = at.corner};
-        if (!sector_next(&c->sides, &at) || at.triangle == first) break;
-    }
-    c->site_of[triangle][corner] = (uint32_t)c->count;
+    sector_walk w = sector_walk_begin(&c->sides, triangle, (int)corner);
+    do {
+        c->site_of[w.at.triangle][w.at.corner] = (uint32_t)c->count;
+        if (w.at.triangle < added->triangle)
+            *added = (site){.triangle = w.at.triangle, .corner = w.at.corner};
+    } while (sector_walk_next(&c->sides, &w));
     return true;
 }
 
@@ -204,17 +199,12 @@ static void visit_end(neighbourhood *n, const sector_step *at, bool is_reversed)
     if (is_facing(n, v.triangle, v.is_reversed)) visit(n, slot, v);
 }
 
-/* Adds the corners around v: goes around it from its triangle, and if there is a crease also the other way. */
+/* Adds the corners around v. */
 static void visit_sector(neighbourhood *n, const visited *v)
 {
-    for (int ahead = 1; ahead >= 0; ahead--) {
-        sector_step at = sector_begin(&n->c->sides, v->triangle, v->corner, ahead);
-        for (int step = 0; step < SECTOR_MOST && n->count < VISITED; step++) {
-            visit_end(n, &at, at.is_reversed != v->is_reversed);
-            if (!sector_next(&n->c->sides, &at)) break;
-            if (at.triangle == v->triangle) return;
-        }
-    }
+    sector_walk w = sector_walk_begin(&n->c->sides, v->triangle, v->corner);
+    do visit_end(n, &w.at, w.at.is_reversed != v->is_reversed);
+    while (n->count < VISITED && sector_walk_next(&n->c->sides, &w));
 }
 
 static void begin_neighbourhood(neighbourhood *n, const site *of)

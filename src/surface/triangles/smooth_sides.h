@@ -83,6 +83,36 @@ static inline bool sector_next(const smooth_sides *s, sector_step *at)
     return true;
 }
 
+/* A walk through a sector: ahead from a triangle, and if there is a crease then the other way from it. Each side is
+ * visited once, also those that are creases. */
+typedef struct sector_walk {
+    sector_step at;
+    uint32_t first;
+    uint8_t corner, left; /* steps that are left at most; the sector of an apex may have any number */
+    bool is_open;         /* the sector ends at creases */
+    bool is_again;        /* `at` is the first triangle, for the second time */
+} sector_walk;
+
+enum { SECTOR_WALK_MOST = 255 };
+
+static inline sector_walk sector_walk_begin(const smooth_sides *s, uint32_t triangle, int corner)
+{
+    return (sector_walk){
+        sector_begin(s, triangle, corner, true), triangle, (uint8_t)corner, SECTOR_WALK_MOST, false, false};
+}
+
+/* Goes to the next side. False: there is none. */
+static inline bool sector_walk_next(const smooth_sides *s, sector_walk *w)
+{
+    w->is_again = false;
+    if (w->left-- == 0) return false;
+    if (sector_next(s, &w->at)) return w->is_open || w->at.triangle != w->first;
+    if (w->is_open) return false;
+    w->is_open = w->is_again = true;
+    w->at = sector_begin(s, w->first, w->corner, false);
+    return true;
+}
+
 /* The first triangle of the sector, seen against the orientation of `triangle`: the one behind a crease, or
  * `triangle` itself if the sector has none (*is_closed). The step is at its side away from the crease. */
 sector_step sector_first(const smooth_sides *s, uint32_t triangle, int corner, bool *is_closed);
