@@ -607,7 +607,7 @@ export type JobSpec = {
        * the facets of a mesh or the noise of a scan. Give one of its members. Default: 4 local spacings.
        */
       scale?: {
-        /** The distance in local spacings. 0: the curvature of the field at the point itself. (spacings) */
+        /** The distance in local spacings. 0: the curvature at the point itself. (spacings) */
         spacings?: number;
         /** The distance in world units. (world) */
         world?: number;
@@ -1782,7 +1782,7 @@ export type AnsweredSpec = {
        * the facets of a mesh or the noise of a scan. Give one of its members. Default: 4 local spacings.
        */
       scale?: {
-        /** The distance in local spacings. 0: the curvature of the field at the point itself. (spacings) */
+        /** The distance in local spacings. 0: the curvature at the point itself. (spacings) */
         spacings?: number;
         /** The distance in world units. (world) */
         world?: number;

@@ -1032,7 +1032,7 @@ const spec_row spec_rows[] = {
      .high = 1000,
      AT(curvature.scale.spacings),
      .unit = "spacings",
-     .prose = "The distance in local spacings. 0: the curvature of the field at the point itself."},
+     .prose = "The distance in local spacings. 0: the curvature at the point itself."},
     {.pointer = MEMBER("/sampling/curvature/scale", "world"),
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

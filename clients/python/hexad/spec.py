@@ -731,7 +731,7 @@ class SamplingCurvatureScale(_SamplingCurvatureScaleRest):
     """The distance over which the curvature of the surface is averaged. It measures the shape instead of the
     facets of a mesh or the noise of a scan. Give one of its members. Default: 4 local spacings.
 
-    spacings: The distance in local spacings. 0: the curvature of the field at the point itself. (spacings)
+    spacings: The distance in local spacings. 0: the curvature at the point itself. (spacings)
     world: The distance in world units. (world)
     """
 

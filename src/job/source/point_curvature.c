@@ -179,8 +179,8 @@ static void locate(const finding *f, size_t i, located *out)
         mesh_place_find(l->tree, x, &normal, INFINITY, &out->place);
     } else if (p->mesh) {
         const bool has_patch = f->in->patch && f->source->field == mesh_surface_field(p->mesh);
-        out->place = mesh_surface_place(p->mesh, has_patch ? f->in->patch[i] : UINT32_MAX, x, normal,
-                                        has_patch && f->in->hint ? f->in->hint[i] : FIELD_NO_HINT);
+        out->place = mesh_surface_find_given(p->mesh, has_patch ? f->in->patch[i] : UINT32_MAX, x, normal,
+                                             has_patch && f->in->hint ? f->in->hint[i] : FIELD_NO_HINT);
     } else {
         out->place = mesh_faces_place(volume_mesh_faces(p->volume), x, normal);
     }

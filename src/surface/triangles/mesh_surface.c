@@ -939,7 +939,7 @@ static uint32_t place_triangle(const mesh_surface *s, uint32_t patch, vec3 x, ve
     return (uint32_t)(s->patch[tree].first + place.triangle);
 }
 
-mesh_place mesh_surface_place(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint)
+mesh_place mesh_surface_find_given(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint)
 {
     mesh_place out = {.triangle = hint};
     const bool is_hint = patch < s->mesh.count && is_of_patch(&s->patch[patch], hint);

@@ -40,7 +40,7 @@ const uint32_t (*mesh_surface_neighbours(const mesh_surface *s))[3];
 double mesh_surface_crease(const mesh_surface *s);
 /* The place on mesh_surface_given of a point x of a patch (UINT32_MAX: of any patch) with this unit normal. The hint:
  * one that `sample_near` of the patch returned for a place nearby, or FIELD_NO_HINT. */
-mesh_place mesh_surface_place(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint);
+mesh_place mesh_surface_find_given(const mesh_surface *s, uint32_t patch, vec3 x, vec3 normal, uint32_t hint);
 /* The closest place of all triangles. */
 vec3 mesh_surface_nearest(const mesh_surface *s, vec3 x);
 /* A place of a patch. */
