@@ -23,8 +23,9 @@ class Points:
         words = [w for w in words if w[0] != "comment"]
         assert words[0][:2] == ["element", "vertex"] and all(w[0] == "property" for w in words[1:])
         names = [w[2] for w in words[1:]]
-        self.of_patches = names[-2:] == PLY_OF_PATCHES
-        own = names[:-2] if self.of_patches else names
+        own = names[:-1] if names[-1] == "kappa_defined" else names  # of surfaces with a mesh
+        self.of_patches = own[-2:] == PLY_OF_PATCHES
+        own = own[:-2] if self.of_patches else own
         assert own in (PLY_PROPERTIES, [*PLY_PROPERTIES, "kappa_scale"])
         (self.type,) = {w[1] for w in words[1:][:len(own)]}
         assert {w[1] for w in words[1:][len(own):]} <= {"int"} and self.format in ("ascii", "binary_little_endian")
