@@ -81,10 +81,9 @@ def test_level_sets_and_regions_have_the_curvature_of_the_mesh(sample, tmp_path,
 
 def test_an_offset_has_the_curvature_of_the_parallel_surface(sample, tmp_path):
     bars.write(tmp_path / "torus.ply", *torus(100, 40))
-    for distance in (0.1, -0.1):
-        columns, _ = sample({"offset": {"surface": SOLID, "distance": distance}})
-        off = errors(columns, true_curvatures(positions(columns), minor=MINOR + distance))
-        assert (columns["kappa_defined"] == 1).all() and numpy.median(off) < 0.015 and off.max() < 0.04
+    columns, _ = sample({"offset": {"surface": SOLID, "distance": 0.1}})
+    off = errors(columns, true_curvatures(positions(columns), minor=MINOR + 0.1))
+    assert (columns["kappa_defined"] == 1).all() and numpy.median(off) < 0.015 and off.max() < 0.04
 
 
 def test_an_offset_of_a_box_is_round_at_its_edges(sample, tmp_path):
@@ -101,6 +100,7 @@ def test_an_offset_of_a_box_is_round_at_its_edges(sample, tmp_path):
         assert numpy.allclose(columns["kappa1"][which], true[0], atol=1e-4) and numpy.allclose(columns["kappa2"][which], true[1], atol=1e-4)
 
 
+@pytest.mark.extended
 def test_points_of_a_union_have_the_curvature_of_their_part(sample, tmp_path):
     shift = numpy.array([0.7, 0.1, 0.05])
     bars.write(tmp_path / "torus.ply", *torus(100, 40))
