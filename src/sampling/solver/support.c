@@ -8,6 +8,9 @@
 static const double SHRINK_LIMIT = 0.2;
 /* Verlet skin of the lists over the support: the maximum growth within one set of lists. */
 static const double SUPPORT_GROWTH = 0.5;
+/* The same over the spacing for the first lists of a search, and for those after it. With 0.3, few particles on a curved
+ * surface have no neighbour in these lists: their count is not controlled, and coincident ones stay so. */
+static const double SUPPORT_SKIN = 0.6;
 /* Relative tolerance of the energy and of the support at its bounds. */
 static const double SUPPORT_TOLERANCE = 1e-6;
 /* Maximum number of Newton steps with one set of lists. */
@@ -47,7 +50,7 @@ bool solver_find_support(solver *s, error *e)
     const double given = s->state.sigma;
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
         double before = s->state.sigma;
-        s->state.skin = s->state.regime->schedule->skin_wide * s->state.spacing;
+        s->state.skin = SUPPORT_SKIN * s->state.spacing;
         if (k > 0 || !relax_has_divergent_normals(s->scratch.relax))
             s->state.skin = fmax(s->state.skin, SUPPORT_GROWTH * s->state.sigma);
         if (!solver_build_lists(s, e)) return false;
@@ -69,7 +72,7 @@ bool solver_apply_support(solver *s, bool changed, error *e)
     const schedule *given = s->state.regime->schedule;
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     const double skin = relax_max_support(s->scratch.relax) - s->state.sigma;
-    s->state.skin = given->skin_wide * s->state.spacing;
+    s->state.skin = SUPPORT_SKIN * s->state.spacing;
     if (changed || !relax_has_divergent_normals(s->scratch.relax) ||
         skin < given->skin_narrow * s->state.spacing)
         return solver_build_lists(s, e);
