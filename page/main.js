@@ -17,7 +17,7 @@ const ROUTES = [
 
 async function findView(hash) {
   const [path, search = ""] = hash.replace(/^#/, "").split("?");
-  const found = {View: Lost, ids: [], search: new URLSearchParams(search), hash};
+  const found = {View: Lost, ids: [], search: new URLSearchParams(search), path: path || "/"};
   for (const [pattern, load] of ROUTES) {
     const match = pattern.exec(path);
     if (match) Object.assign(found, {ids: match.slice(1), View: await load().catch(() => Unloaded)});
@@ -48,10 +48,10 @@ function Theme() {
     </select></label>`;
 }
 
-function Header({session, hash, onSignOut}) {
-  const link = (to, word) => html`<a href=${to} aria-current=${hash === to || (to === "#/" && !hash) ? "page" : null}>${word}</a>`;
+function Header({session, path, onSignOut}) {
+  const link = (to, word) => html`<a href=${`#${to}`} aria-current=${path === to ? "page" : null}>${word}</a>`;
   return html`<header><a class="brand" href="#/"><img src="page/icon.svg" alt="" width="24" height="24" />hexad</a>
-    <nav aria-label="Views">${link("#/", "Queue")}${session.scopes.includes("submit") && link("#/submit", "New job")}</nav>
+    <nav aria-label="Views">${link("/", "Queue")}${session.scopes.includes("submit") && link("/submit", "New job")}</nav>
     <span class="account">${session.user}</span>${session.ends && html`<button class="plain" onClick=${onSignOut}>Sign out</button>`}
     <${Theme} /></header>`;
 }
@@ -62,8 +62,11 @@ function App() {
 
   const ask = () => get("v1/session").then(setSession, () => setTimeout(ask, 2000));
   useEffect(() => {
+    let path = null;
     const show = () => findView(location.hash).then(found => {
       setView(found);
+      if (found.path === path) return; // a filter has changed
+      path = found.path;
       scrollTo(0, 0);
       const main = document.getElementById("main");
       if (main) main.focus(); // keyboards and screen readers begin with what is new
@@ -78,8 +81,8 @@ function App() {
   if (!session || !view) return html`<p class="loading" role="status">Loading …</p>`;
   if (!session.user) return html`<main><${SignIn} onSession=${setSession} /></main>`;
   const signOut = () => call("DELETE", "v1/session").then(ask);
-  return html`<${Header} session=${session} hash=${view.hash} onSignOut=${signOut} />
-    <main id="main" tabindex="-1"><${view.View} key=${view.hash.split("?")[0]} ids=${view.ids} search=${view.search} session=${session} /></main>`;
+  return html`<${Header} session=${session} path=${view.path} onSignOut=${signOut} />
+    <main id="main" tabindex="-1"><${view.View} key=${view.path} ids=${view.ids} search=${view.search} session=${session} /></main>`;
 }
 
 render(html`<${App} />`, document.getElementById("app"));

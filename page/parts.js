@@ -3,9 +3,12 @@
 import {html, useEffect, useRef, useState, useCallback} from "./preact.js";
 import {percentOf, stateOf} from "./words.js";
 
-export function State({job}) {
+/** With an address: a link to the jobs of that state. */
+export function State({job, href}) {
   const {word, sign, kind} = stateOf(job);
-  return html`<span class=${`state ${kind}`}><span aria-hidden="true" class="sign">${sign}</span>${word}</span>`;
+  const text = html`<span aria-hidden="true" class="sign">${sign}</span>${word}`;
+  return href ? html`<a class=${`state ${kind}`} href=${href} title="Only jobs in this state">${text}</a>`
+    : html`<span class=${`state ${kind}`}>${text}</span>`;
 }
 
 export function Progress({fraction, label}) {

@@ -3,15 +3,22 @@
 import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, urlOf} from "./api.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
-import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
+import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, stateOf, STATES, timeOf} from "./words.js";
 
 const ROWS = 50;
 /** However fast events come, the list is read again no more often. */
 const READ_MS = 500;
+/** The list follows a filter when nothing has been typed for this time. */
+const TYPED_MS = 150;
 
 /** Columns by which the service sorts, and in which direction first. */
 const COLUMNS = [["name", "Job", ""], ["state", "State", ""], ["owner", "Owner", ""], ["priority", "Priority", "-"], ["created", "Submitted", "-"]];
 const NEWEST = "-created";
+
+/** The filter and the order of an address, and the address of these. */
+const filterOf = search => Object.fromEntries(["state", "text", "owner", "label"].map(key => [key, search.get(key) || ""]));
+const sortOf = search => search.get("sort") || NEWEST;
+const addressOf = (filter, sort) => `#/${query({...filter, sort: sort === NEWEST ? "" : sort})}`;
 
 /** Runs an action for each, a few at a time; returns the errors. */
 async function forEach(jobs, action) {
@@ -53,8 +60,11 @@ function useQueue(filter, sort, cursor) {
     }
   }, answer => setData(old => ({...old, ...answer}))), []);
 
+  const first = useRef(true);
   useEffect(() => {
-    read();
+    const timer = setTimeout(read, first.current ? 0 : TYPED_MS);
+    first.current = false;
+    return () => clearTimeout(timer);
   }, [query({...filter, sort, cursor})]);
   useEffect(() => {
     const readSoon = throttled(read, READ_MS);
@@ -94,7 +104,7 @@ function useQueue(filter, sort, cursor) {
 
 function Filter({filter, sort, onChange, onSort}) {
   const set = (key, value) => onChange({...filter, [key]: value});
-  const field = (key, word) => html`<label>${word}<input value=${filter[key]} onChange=${e => set(key, e.target.value.trim())} /></label>`;
+  const field = (key, word) => html`<label>${word}<input type="search" value=${filter[key]} onInput=${e => set(key, e.target.value)} /></label>`;
   return html`<form class="filter" role="search" aria-label="Filter" onSubmit=${e => e.preventDefault()}>
     <label>State<select value=${filter.state} onChange=${e => set("state", e.target.value)}>
       <option value="">All</option>
@@ -165,10 +175,10 @@ function Actions({jobs, chosen, mayChange, onChooseAll, onDone}) {
       ${errors.length > 5 && html`<p>and ${errors.length - 5} more</p>`}</div>`}</div>`;
 }
 
-function RowState({job}) {
+function RowState({job, hrefOf}) {
   const {all, succeeded} = job.tasks;
   const fraction = job.array ? succeeded / all : job.progress ? job.progress.fraction : 0;
-  return html`<${State} job=${job} />
+  return html`<${State} job=${job} href=${hrefOf({state: stateOf(job).state})} />
     ${!isFinal(job.state) && (job.progress || (job.array && job.started)) && html`<${Progress} fraction=${fraction} label=${`Progress of ${nameOf(job)}`} />`}
     ${job.progress && job.state === "running" && html`<span class="detail">${PHASES[job.progress.phase]}</span>`}
     ${job.array && html`<span class="detail">${succeeded} of ${all} frames${job.tasks.failed ? `, ${job.tasks.failed} failed` : ""}</span>`}
@@ -198,23 +208,24 @@ function Thumbnail({job}) {
     : html`<span class="thumbnail" aria-hidden="true"></span>`;
 }
 
-function Row({job, now, chosen, own, onChoose}) {
+function Row({job, now, chosen, own, hrefOf, onChoose}) {
   return html`<tr class=${chosen ? "chosen" : ""}>
     <td class="choose"><input type="checkbox" aria-label=${`Select ${nameOf(job)}`} checked=${chosen} onChange=${() => onChoose(job)} /></td>
     <td class="name">${own && job.links.results && html`<${Thumbnail} job=${job} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
-      ${job.labels.map(label => html`<span class="label">${label}</span>`)}</td>
-    <td class="row-state"><${RowState} job=${job} /></td>
+      ${job.labels.map(label => html`<a class="label" href=${hrefOf({label})} title="Only jobs with this label">${label}</a>`)}</td>
+    <td class="row-state"><${RowState} job=${job} hrefOf=${hrefOf} /></td>
     <td>${job.owner}</td><td class="number priority">${job.priority}</td>
     <td title=${timeOf(job.created)}>${ageOf(job.created, now)}</td>
     <td class="number">${spentOf(job, now)}</td></tr>`;
 }
 
-export function Queue({session}) {
-  const [filter, setFilter] = useState({state: "", text: "", owner: "", label: ""});
+export function Queue({session, search}) {
+  const [filter, setFilter] = useState(filterOf(search));
   const [cursors, setCursors] = useState([null]); // of the pages so far; the last one is shown
-  const [sort, setSort] = useState(NEWEST);
+  const [sort, setSort] = useState(sortOf(search));
   const [selection, setSelection] = useState(new Set());
-  const [data, reload] = useQueue(filter, sort, cursors[cursors.length - 1]);
+  const asked = Object.fromEntries(Object.entries(filter).map(([key, text]) => [key, text.trim()]));
+  const [data, reload] = useQueue(asked, sort, cursors[cursors.length - 1]);
   const now = useClock();
   useTitle("Queue");
   const jobs = data.jobs || [];
@@ -225,11 +236,18 @@ export function Queue({session}) {
     return next;
   });
   const chooseAll = all => setSelection(new Set(all ? jobs.map(job => job.id) : []));
-  const restart = set => next => {
-    set(next);
+  const show = (newFilter, newSort) => {
+    setFilter(newFilter);
+    setSort(newSort);
     setCursors([null]);
   };
-  const sortBy = restart(setSort);
+  useEffect(() => show(filterOf(search), sortOf(search)), [search]); // an address that was opened
+  const change = (newFilter, newSort) => {
+    show(newFilter, newSort);
+    history.replaceState(null, "", addressOf(newFilter, newSort)); // without an event: the view stays as it is
+  };
+  const sortBy = by => change(filter, by);
+  const hrefOf = part => addressOf({...asked, ...part}, sort);
   const heading = ([key, word, first]) => {
     const by = sort.replace("-", "") === key, falls = sort.startsWith("-");
     return html`<th scope="col" class=${key === "priority" ? "number" : ""} aria-sort=${by ? (falls ? "descending" : "ascending") : null}>
@@ -237,13 +255,13 @@ export function Queue({session}) {
   };
   return html`<h1>Queue</h1>
     <${Load} load=${data.load} workers=${data.workers} now=${now} checks=${data.checks} admin=${session.scopes.includes("admin")} onChange=${reload} />
-    <${Filter} filter=${filter} sort=${sort} onChange=${restart(setFilter)} onSort=${sortBy} />
+    <${Filter} filter=${filter} sort=${sort} onChange=${next => change(next, sort)} onSort=${sortBy} />
     <${Trouble} error=${data.error} />
     ${jobs.length > 0 && html`<${Actions} jobs=${jobs} chosen=${chosen} mayChange=${session.scopes.includes("cancel")} onChooseAll=${chooseAll} onDone=${reload} />
     <div class="scroll" tabindex="0" role="region" aria-label="Jobs"><table class="jobs"><thead><tr>
       <td class="choose"></td>
       ${COLUMNS.map(heading)}<th scope="col" class="number">Ran</th></tr></thead>
-      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} own=${session.scopes.includes("admin") || job.owner === session.user} onChoose=${choose} />`)}</tbody></table></div>`}
+      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} own=${session.scopes.includes("admin") || job.owner === session.user} hrefOf=${hrefOf} onChoose=${choose} />`)}</tbody></table></div>`}
     ${data.jobs && !jobs.length && html`<p class="empty">No jobs${Object.values(filter).some(Boolean) ? " like these" : " yet"}.
       ${session.scopes.includes("submit") && html` <a href="#/submit">Submit one</a>`}</p>`}
     <nav class="pages" aria-label="Pages">

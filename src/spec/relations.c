@@ -11,6 +11,15 @@
 
 /* ---- defaults ---- */
 
+/* What the preview shows. The frames of a sequence have one scale: without bounds of the spacing, which give one, they
+ * are shaded. */
+static const char *default_color(const spec *s)
+{
+    const bool has_scale = s->frame_count == 0 || s->min_spacing < s->max_spacing;
+    if (s->has_alpha) return "\"alpha\"";
+    return spec_is_graded(s) && has_scale ? "\"spacing\"" : "\"shading\"";
+}
+
 /* The default of a row with SPEC_DEPENDENT as JSON; NULL: none. */
 static const char *default_of(const spec *s, const spec_surface *surface, const spec_row *row)
 {
@@ -19,7 +28,7 @@ static const char *default_of(const spec *s, const spec_surface *surface, const 
     if (row->offset == offsetof(spec, init))
         return s->has_alpha && !s->has_points ? "\"sized\"" : row->otherwise;
     if (row->offset == offsetof(spec, camera.up)) return spec_y_up(s) ? "[0,1,0]" : "[0,0,1]";
-    if (row->offset == offsetof(spec, preview_color)) return s->has_alpha ? "\"alpha\"" : "\"curvature\"";
+    if (row->offset == offsetof(spec, preview_color)) return default_color(s);
     if (row->offset == offsetof(spec, step)) has = s->minimiser == SPEC_MINIMISER_GRADIENT;
     if (row->offset == offsetof(spec, curvature.exponent)) has = s->curvature.ratio > 0;
     if (row->offset == offsetof(spec, gradation)) has = spec_is_graded(s);

@@ -294,7 +294,7 @@ typedef struct spec {
     bool has_preview;                  /* true by default */
     bool preview_left_out;             /* not requested, and this build has no pictures */
     int preview_width, preview_height; /* pixels */
-    spec_color preview_color;          /* default: alpha with alpha, else curvature */
+    spec_color preview_color;          /* default: alpha, spacing or shading (relations.c) */
     char *preview_attribute;           /* shown instead of preview_color; NULL: none */
     double *preview_range;             /* two, ascending */
     size_t preview_range_count;        /* 0: the range is determined by the values */

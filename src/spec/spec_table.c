@@ -1501,7 +1501,7 @@ const spec_row spec_rows[] = {
          "name of an application selects the properties that it reads: blender, houdini, meshlab, or "
          "minimal (positions and normals). Default: all that doc/report.md lists, and the attributes; "
          "doc/formats.md has further names. red, green and blue are those of an attribute of colours, else "
-         "the colours of the preview."},
+         "the colours of alpha or the curvature, with the map of the preview."},
     {.pointer = MEMBER("/output", "preview"),
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
@@ -1523,9 +1523,12 @@ const spec_row spec_rows[] = {
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_COLOR),
      AT(preview_color),
-     .prose = "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
-              "a particle, the achieved spacing, or the number of neighbours. Default: alpha if "
-              "sampling.alpha is given, otherwise curvature."},
+     .prose =
+         "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
+         "a particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, "
+         "shaded by the normals; range and map have no effect. Default: alpha if sampling.alpha is given; "
+         "spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are "
+         "then the range; otherwise shading."},
     {.pointer = MEMBER("/output/preview", "attribute"),
      .type = SPEC_TYPE_STRING,
      .low = 1,

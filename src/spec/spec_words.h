@@ -170,7 +170,8 @@ typedef enum spec_order { SPEC_ORDER_LIST(WORDS_ENUMERATOR, SPEC_ORDER) SPEC_ORD
     ENTRY(prefix, CURVATURE, "curvature") \
     ENTRY(prefix, ENERGY, "energy")       \
     ENTRY(prefix, SPACING, "spacing")     \
-    ENTRY(prefix, DEGREE, "degree")
+    ENTRY(prefix, DEGREE, "degree")       \
+    ENTRY(prefix, SHADING, "shading")
 
 typedef enum spec_color { SPEC_COLOR_LIST(WORDS_ENUMERATOR, SPEC_COLOR) SPEC_COLOR_COUNT } spec_color;
 

@@ -190,6 +190,56 @@ def test_colours_rise_with_the_quantity(run, colour, name):
     assert len(values) > 50 and spearmanr(colours, values).statistic > 0.995
 
 
+GRADED_ELLIPSOID = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.8, 0.5]}}
+
+
+@pytest.mark.parametrize("graded", [False, True])
+def test_the_default_picture_is_shaded_or_shows_the_grading(run, graded):
+    grading = {"curvature": {"ratio": 3}} if graded else {}
+    where, _ = run(sphere(surface=GRADED_ELLIPSOID, sampling={"count": 300, **grading}, output={"preview": {"size": 128}}))
+    columns = read_columns((where / "points.ply").read_bytes())
+    colours, spacings = colour_and_value(where, columns["spacing_local"])
+    if graded:
+        assert spearmanr(colours, spacings).statistic > 0.995
+    else:
+        assert numpy.ptp(colours) < 0.01 * colours[0]  # one colour, of any brightness
+    _, _, picture = read_exr((where / "preview.exr").read_bytes())
+    assert numpy.ptp(picture["G"][picture["id"] > 0]) > 0.3  # and shaded
+
+
+def test_colours_of_points_are_those_of_the_curvature_whatever_the_picture_shows(run):
+    def colours(color):
+        preview = {"size": 64, **({"color": color} if color else {})}
+        where, _ = run(sphere(surface=GRADED_ELLIPSOID, sampling={"count": 300}, output={"preview": preview, "ply": {"properties": ["nx", "ny", "nz", "kappa", "red", "green", "blue"]}}), output=f"of_{color}")
+        columns = read_columns((where / "points.ply").read_bytes())
+        return numpy.stack([columns[name] for name in ("red", "green", "blue")]), columns["kappa"]
+    expected, kappa = colours("curvature")
+    assert spearmanr(expected[1], kappa).statistic > 0.95
+    for color in (None, "shading", "spacing", "degree"):
+        assert (colours(color)[0] == expected).all(), color
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+def test_frames_have_one_scale_from_the_spec_alone(build, tmp_path, bounded):
+    """Without bounds of the spacing there is none, and frames are shaded."""
+    bounds = {"min_spacing": 0.05, "max_spacing": 0.4} if bounded else {}
+    spec = json.dumps({"version": 1, "surface": GRADED_ELLIPSOID, "sampling": {"count": 300, "curvature": {"ratio": 3}, **bounds},
+                       "output": {"preview": {"size": 128}},
+                       "queue": {"frames": "1-2", "by_frame": {"/surface/analytic/radii": [[1, 0.8, 0.5], [2, 1.6, 1]]}}})
+    found = []
+    for frame in ("1", "2"):
+        done = subprocess.run([build / "hexad-worker", "run", "-", "--output", tmp_path / frame, "--frame", frame], input=spec, text=True,
+                              capture_output=True, timeout=PATIENCE_S)
+        assert done.returncode in (0, 10), done.stderr
+        columns = read_columns((tmp_path / frame / "points.ply").read_bytes())
+        found.append(colour_and_value(tmp_path / frame, columns["spacing_local"]))
+    colours, spacings = (numpy.concatenate(part) for part in zip(*found))
+    if bounded:
+        assert spearmanr(colours, spacings).statistic > 0.995
+    else:
+        assert numpy.ptp(colours) < 0.01 * colours[0]
+
+
 @pytest.mark.sanitized
 def test_points_with_five_and_seven_neighbours_have_a_colour_of_their_own(run):
     """On a sphere the neighbours are those of the convex hull."""

@@ -220,6 +220,9 @@ def test_an_answer_that_comes_late_replaces_no_newer_one(gated, browser):
         return new Promise(done => setTimeout(() => requestAnimationFrame(() => done(document.body.innerText))));""")
 
 
+PROGRESS_SHOWN = "return [...document.querySelectorAll('tbody progress')].map(e => e.value).join()"
+
+
 def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     for name in ("beta", "alpha", "gamma"):
         gated.submit(sphere(name=name, queue={"labels": [name]}))
@@ -227,7 +230,7 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     wait_until(lambda: len(browser.all("tbody tr")) == 3, "three rows")
 
     def names():
-        return browser.texts("tbody .name a")
+        return browser.texts("tbody .name a[href^='#/jobs/']")
     assert names() == ["gamma", "alpha", "beta"]
     browser.press("Job", "thead")
     wait_until(lambda: names() == ["alpha", "beta", "gamma"], "the order by name")
@@ -251,9 +254,43 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     text, _, label = browser.all(".filter input")
     text.send_keys("AM\n")
     wait_until(lambda: names() == ["gamma"], "the rows with that in their names")
-    text.clear()
+    text.send_keys(Keys.BACKSPACE, Keys.BACKSPACE)
     label.send_keys("alpha\n")
     wait_until(lambda: names() == ["alpha"], "the rows of a label")
+
+
+def test_filters_keep_what_is_typed_while_a_job_runs(service, browser):
+    """Each line of progress renders the queue again."""
+    for name in ("alpha", "beta"):
+        service.wait_state(service.submit(sphere(name=name, queue={"labels": [f"of {name}"]})), "succeeded")
+    running = service.submit(long_sphere(name="running") | {"solver": ONE_THREAD})
+    browser.open(service)
+    browser.wait_text("Relaxing", "tbody")
+
+    def names():
+        return browser.texts("tbody .name a[href^='#/jobs/']")
+    field = browser.one(".filter input")
+    browser.run("arguments[0].focus()", field)
+    for typed in ("a", "al", "alp"):
+        browser.keys(typed[-1])
+        before = browser.run(PROGRESS_SHOWN)
+        wait_until(lambda: names() != ["running", "beta", "alpha"] or browser.run(PROGRESS_SHOWN) != before, "a rendering")
+        assert browser.run("return [arguments[0].value, document.activeElement === arguments[0]]", field) == [typed, True]
+    wait_until(lambda: names() == ["alpha"], "the rows, without Enter")
+    assert browser.run("return location.hash") == "#/?text=alp"
+    browser.driver.refresh()
+    wait_until(lambda: names() == ["alpha"], "the rows of the address")
+    assert browser.run("return document.querySelector('.filter input').value") == "alp"
+    browser.press("of alpha", "tbody")
+    wait_until(lambda: "label=of+alpha" in browser.run("return location.hash"), "the label in the address")
+    browser.press("Queue", "header")
+    wait_until(lambda: len(names()) == 3, "all rows")
+    browser.run("document.querySelector('tbody a.state.running').click()")
+    wait_until(lambda: names() == ["running"], "the rows of a state")
+    assert browser.run("return location.hash") == "#/?state=running"
+    browser.run("history.back()")
+    wait_until(lambda: len(names()) == 3, "all rows again")
+    service.post(f"/v1/jobs/{running}/cancel")
 
 
 def test_buttons_for_selected_jobs_stay_in_sight(gated, browser):

@@ -526,7 +526,7 @@ static void test_fields(void **state)
     assert_true(s->surface.analytic.axis.y == 2 && s->surface.analytic.center.x == 0.5 &&
                 s->surface.analytic.radius == 0);
     assert_int_equal(s->preview_height, 64);
-    assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
+    assert_int_equal(s->preview_color, SPEC_COLOR_SHADING);
     assert_true(!s->has_alpha && !s->name);
     spec_free(s);
     spec_free(NULL);
@@ -705,7 +705,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"auto\",\"max_sweeps\":5000,"
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
         "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-        "\"color\":\"curvature\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":true,\"convergence\":false,"
+        "\"color\":\"shading\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":true,\"convergence\":false,"
         "\"points_vdb\":false,\"points_npz\":false,\"points_vtp\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"

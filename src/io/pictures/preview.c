@@ -49,6 +49,9 @@ static const double reach_share = 1.5;
  * extend beyond the silhouette as thin arcs. */
 static const double edge_cosine = 0.35;
 
+/* The colour of plain shading, sRGB: light, so that the shade has the whole range of brightness. */
+static const double shading_color[3] = {0.86, 0.84, 0.80};
+
 static const double line_pixels = 1; /* half the width */
 
 /* Maximum radius as a fraction of the half diagonal of the set: an isolated point may have a huge Voronoi
@@ -301,10 +304,12 @@ static void shade_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
         color c;
-        if (job->look->which == QUANTITY_COLOR) /* has no scale */
+        if (job->look->which == QUANTITY_COLOR)
             c = light_of(job->values + 3 * i);
         else if (!quantity_is_defined(&m->points, job->look, i))
             c = light_of(quantity_undefined_color);
+        else if (job->look->which == QUANTITY_SHADING)
+            c = light_of(shading_color);
         else {
             int place = (int)(colormap_scale_place(&m->scale, job->values[i]) * SCALE_COLORS);
             if (place >= SCALE_COLORS) place = SCALE_COLORS - 1;
@@ -319,7 +324,7 @@ static color *shade_points(const image *m, const quantity_look *look, threads *p
 {
     const size_t count = m->points.count;
     color scale[SCALE_COLORS], *colors = mem_array(count, sizeof *colors, "the preview's colours", e);
-    const bool whole = count >= SCALE_COLORS && look->which != QUANTITY_COLOR;
+    const bool whole = count >= SCALE_COLORS && quantity_has_scale(look->which);
     shading job = {m, look, quantity_values(&m->points, look), whole ? scale : NULL, colors};
     for (int k = 0; whole && k < SCALE_COLORS; k++) scale[k] = scale_color(look, k);
     if (colors) threads_run(pool, count, POINTS_GRAIN, shade_chunk, &job);
@@ -670,7 +675,7 @@ static bool render(const points *set, const preview_options *options, const came
         return false;
     }
     snprintf(note, sizeof note, "%zu%s", set->count, options->unresolved ? ", not resolved" : " points");
-    legend_draw(m->rgb, m->width, m->height, look->which == QUANTITY_COLOR ? NULL : &m->scale,
+    legend_draw(m->rgb, m->width, m->height, quantity_has_scale(look->which) ? &m->scale : NULL,
                 quantity_title(look), note);
     *out = m;
     return true;

@@ -22,10 +22,16 @@ static const shown shown_of[] = {
     [QUANTITY_DEGREE] = {"degree", false, 0, PLAIN},
     [QUANTITY_VALUES] = {"attribute", false, 1e-30, PLAIN}, /* any unit */
     [QUANTITY_COLOR] = {"color", false, 1, PLAIN},
+    [QUANTITY_SHADING] = {"", false, 1, PLAIN},
 };
 
 /* Centred at six neighbours; any packing has defects with more and fewer. */
 static const colormap_scale degree_scale = {4, 8, false, COLORMAP_VIRIDIS};
+
+bool quantity_has_scale(quantity which)
+{
+    return which != QUANTITY_COLOR && which != QUANTITY_SHADING;
+}
 
 const double *quantity_values(const points *set, const quantity_look *look)
 {
@@ -41,6 +47,8 @@ const double *quantity_values(const points *set, const quantity_look *look)
     case QUANTITY_VALUES:
     case QUANTITY_COLOR:
         return look->values;
+    case QUANTITY_SHADING:
+        return NULL;
     default:
         return set->kappa;
     }
@@ -78,7 +86,7 @@ bool quantity_scale(const points *set, const quantity_look *look, double extent,
     colormap_scale scale = degree_scale;
     if (look->low < look->high)
         scale = (colormap_scale){look->low, look->high, s->root && look->low >= 0, look->map};
-    else if (look->which != QUANTITY_DEGREE && look->which != QUANTITY_COLOR &&
+    else if (look->which != QUANTITY_DEGREE && quantity_has_scale(look->which) &&
              !scale_of_defined(set, look, s->root, s->least * unit, &scale, e))
         return false;
     scale.map = look->map;

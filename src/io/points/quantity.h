@@ -14,7 +14,8 @@ typedef enum quantity {
     QUANTITY_SPACING, /* achieved spacing */
     QUANTITY_DEGREE,  /* number of neighbours, if the set has it */
     QUANTITY_VALUES,  /* values of the look, from an attribute */
-    QUANTITY_COLOR    /* colours of the look, three values per point, sRGB; no scale */
+    QUANTITY_COLOR,   /* colours of the look, three values per point, sRGB; no scale */
+    QUANTITY_SHADING /* one colour for all points, which pictures shade by the normals; no values, no scale */
 } quantity;
 
 typedef struct quantity_look {
@@ -34,7 +35,10 @@ static inline bool quantity_is_defined(const points *set, const quantity_look *l
 /* The color of points at which the quantity is undefined: a grey that no map has, sRGB. */
 extern const double quantity_undefined_color[3];
 
-/* The values, one per point; owned by the set or the look. */
+/* Whether the quantity has a scale. */
+bool quantity_has_scale(quantity which);
+
+/* The values, one per point; owned by the set or the look. NULL: none. */
 const double *quantity_values(const points *set, const quantity_look *look);
 
 /* The title in the legend. */
@@ -45,7 +49,7 @@ const char *quantity_title(const quantity_look *look);
 bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
                     error *e);
 
-/* The colour of each point in pictures (sRGB, 0 to 1). False: out of memory. */
+/* The colour of each point (sRGB, 0 to 1), by a quantity with a scale. False: out of memory. */
 bool quantity_colors(const points *set, const quantity_look *look, vec3 *out, error *e);
 
 #endif

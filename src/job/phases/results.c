@@ -442,14 +442,25 @@ static quantity_look look_of(const spec *s)
 #define MAP(prefix, name, word) [SPEC_MAP_COLORS_##name] = prefix##_##name,
     static const colormap_map maps[] = {SPEC_MAP_COLORS_LIST(MAP, COLORMAP)};
 #undef MAP
-    quantity_look look = {.which = s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE};
-    if (!s->has_preview) return look;
-    look.which = shown[s->preview_color];
-    look.map = maps[s->preview_map];
+    quantity_look look = {.which = shown[s->preview_color], .map = maps[s->preview_map]};
     if (s->preview_range_count > 0) {
         look.low = s->preview_range[0];
         look.high = s->preview_range[1];
+    } else if (look.which == QUANTITY_SPACING && s->frame_count > 0 && s->min_spacing < s->max_spacing) {
+        look.low = s->min_spacing; /* the same scale for all frames, from the spec alone */
+        look.high = s->max_spacing;
     }
+    return look;
+}
+
+/* The look of the points' own colours: the pictures' map, and their range if both show the same quantity. */
+static quantity_look look_of_points(const spec *s)
+{
+    quantity_look look = {.which = s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE};
+    if (!s->has_preview) return look;
+    const quantity_look pictures = look_of(s);
+    if (pictures.which == look.which) return pictures;
+    look.map = pictures.map;
     return look;
 }
 
@@ -460,7 +471,7 @@ static bool write_pictures(const char *directory, const results_input *in, threa
     return pictures_write_preview(directory, in, &look, pool, outputs, e);
 }
 
-/* Whether a requested format has colors even without a color attribute: those of the preview. */
+/* Whether a requested format has colors even without a color attribute. */
 static bool needs_color(const spec *s)
 {
     for (int k = 0; k < FILE_FORMATS; k++)
@@ -501,7 +512,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     if (s->has_instancer) with_color.instancer = &turned.scene;
     if (!colored.color && needs_color(s)) {
         colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
-        const quantity_look look = look_of(s);
+        const quantity_look look = look_of_points(s);
         if (!color || !quantity_colors(&colored, &look, color, e)) {
             free(color);
             instances_free(&turned);
