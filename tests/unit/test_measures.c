@@ -52,6 +52,37 @@ static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **
     assert_true(got.thin_count == 0);
 }
 
+/* The rectangle is divided into slivers along its rows of points, or across them: cells extend over many slivers,
+ * and each sliver over many cells. */
+static void check_slivers(bool across)
+{
+    enum { SLIVERS = 300 };
+    const int n = 30, m = 15;
+    scene s = scene_rectangle(n, 2 * m + 1);
+    const measures expected = scene_measure(&s, NULL);
+    const vec3 x = {n, 0, 0}, y = {0, 2 * m * sqrt(0.75), 0}, along = across ? y : x, side = across ? x : y;
+    scene divided = {0};
+    for (int k = 0; k < SLIVERS; k++) {
+        const vec3 from = vec3_scale(side, k / (double)SLIVERS), to = vec3_scale(side, (k + 1.0) / SLIVERS);
+        scene_quad(&divided, from, vec3_add(from, along), vec3_add(to, along), to);
+    }
+    for (size_t k = 0; k < s.points; k++) scene_point(&divided, s.point[k]);
+    const measures got = measure(divided);
+    scene_free(&s);
+    check_represented(&got, IDEAL, 1e-9);
+    assert_close(got.hex_fraction, expected.hex_fraction, 1e-12);
+    assert_close(got.energy_excess, expected.energy_excess, 1e-9);
+    assert_close(got.area_cv, 0, 1e-6);
+    assert_close(got.edge_cv, 0, 1e-6);
+}
+
+static void a_rectangle_of_slivers_is_measured_as_two_triangles(void **state)
+{
+    (void)state;
+    check_slivers(false);
+    check_slivers(true);
+}
+
 /* The same points on a plane that the faces of a box cut: points on a face are on a border. */
 static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **state)
 {
@@ -421,6 +452,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_rectangle_has_irregular_points_along_its_zigzag_sides_only),
+        cmocka_unit_test(a_rectangle_of_slivers_is_measured_as_two_triangles),
         cmocka_unit_test(a_rectangle_cut_from_a_plane_is_measured_as_its_triangles),
         cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
         cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),

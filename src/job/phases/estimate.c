@@ -24,10 +24,11 @@
  * coarsest level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10
  * 000, and at least COST_MODEL_FIRST. */
 enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
-/* Limits of CPU time, which does not depend on other processes: for the first trial, and for all trials
- * together. Trials with fewer points follow only if the first one did not end. Larger: slower jobs get an
- * estimate, which takes longer. */
-static const double REHEARSAL_S[2] = {3, 4};
+/* Limits of CPU time, which does not depend on other processes, after the placement of the points: for the first
+ * trial, and for each of the others. Trials with fewer points follow only if the first one did not end. The
+ * placement takes at most about as long as that of the job. Larger: slower jobs get an estimate, which takes
+ * longer. */
+static const double REHEARSAL_S[2] = {3, 1};
 /* Minimum number of points for which threads, used by the finest levels, reduce the total time
  * significantly. */
 static const size_t SHARED_FROM = 20000;
@@ -38,26 +39,31 @@ static const double BYTES_WITH_OPENVDB = 37 << 20;
  * LISTED_MOST points at a time (sampling/voronoi/partitions). */
 static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
 
-/* Seconds of a run: up to its last sweep, after it, and for the weights of the points. The second depends mostly on the
- * surface, not on the count; the third is proportional to the count. */
+/* Seconds of a run: the placement of its points, its sweeps, what follows, and the weights of the points. Those of the sweeps
+ * depend mostly on the count, those of the weights are proportional to it, and the others depend on the surface and its
+ * curves. */
 typedef struct run_cost {
-    double relax_s, measure_s, weights_s;
+    double place_s, relax_s, measure_s, weights_s;
 } run_cost;
 
-/* Runs j->count points. Returns whether the run ended before end_s. An error of the run is not an error of
+/* Runs j->count points. Returns whether the sweeps ended within limit_s. An error of the run is not an error of
  * the job. */
-static bool rehearse_once(job *j, double end_s, run_cost *out)
+static bool rehearse_once(job *j, double limit_s, run_cost *out)
 {
     solution s = {0};
     double begin_s = clock_processor_s();
     bool ok = job_place(j, &s, NULL);
+    const double placed_s = clock_processor_s();
     while (ok && !solver_ended(s.solver))
-        ok = job_may_continue(j, NULL) && clock_processor_s() < end_s && solver_step(s.solver, NULL);
+        ok = job_may_continue(j, NULL) && clock_processor_s() < placed_s + limit_s &&
+             solver_step(s.solver, NULL);
     double relaxed_s = clock_processor_s();
     ok = ok && job_finalize(j, &s, NULL) && job_measure(j, &s, NULL);
     double measured_s = clock_processor_s();
     ok = ok && job_weigh(j, &s, NULL);
-    if (ok) *out = (run_cost){relaxed_s - begin_s, measured_s - relaxed_s, clock_processor_s() - measured_s};
+    if (ok)
+        *out = (run_cost){placed_s - begin_s, relaxed_s - placed_s, measured_s - relaxed_s,
+                          clock_processor_s() - measured_s};
     job_free_solution(&s);
     return ok;
 }
@@ -78,23 +84,22 @@ static double rehearse(job *j)
 {
     const size_t count = j->count;
     const bool by_levels = j->spec->method == SPEC_METHOD_SIZED || plan_grades_by_levels(j->spec);
-    const double begin_s = clock_processor_s();
     size_t part = 1;
     run_cost cost;
     while ((part == 1 || count / part > REHEARSAL_MOST) &&
            count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST)
         part *= REHEARSAL_STRIDE;
     j->count = count / part;
-    bool ended = rehearse_once(j, begin_s + REHEARSAL_S[0], &cost);
+    bool ended = rehearse_once(j, REHEARSAL_S[0], &cost);
     while (!ended && j->count / REHEARSAL_STRIDE >= COST_MODEL_FIRST) {
         j->count /= REHEARSAL_STRIDE;
-        ended = rehearse_once(j, begin_s + REHEARSAL_S[1], &cost);
+        ended = rehearse_once(j, REHEARSAL_S[1], &cost);
     }
     const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels),
                  weights_s = cost.weights_s * (double)count / (double)j->count;
     j->count = count;
     if (!ended) return NAN;
-    return (cost.relax_s * more + cost.measure_s + weights_s) /
+    return (cost.place_s + cost.relax_s * more + cost.measure_s + weights_s) /
            (count < SHARED_FROM ? 1 : threads_count(j->pool));
 }
 

@@ -22,6 +22,9 @@ enum { MOST_CANDIDATES = 12 };
 static const double LEAST_PART = 1e-6;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 2;
+/* A large triangle of a mesh whose edges are longer than its shortest edge by this factor is divided across its
+ * length. Smaller: triangles that are nearly equilateral get thin parts. */
+static const double LEAST_ELONGATION = 3;
 /* Candidates are the points within COLLECTED spacings beyond the nearest one. If these are on an opposite
  * wall, a triangle collects those within FARTHEST_SITE spacings; beyond, it belongs to no cell. */
 static const double COLLECTED = 0.7, FARTHEST_SITE = 8;
@@ -644,24 +647,82 @@ static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centro
     return ok;
 }
 
+static bool visit_part_nearby(descent *d, const part *t, vec3 centroid, const surroundings *at)
+{
+    const double reach = at->nearest + 2 * at->radius + COLLECTED * at->spacing;
+    const size_t base = d->top;
+    return collect_within(d, centroid, reach, t->of) &&
+           visit_candidates(d, t, base, centroid, at->radius, reach);
+}
+
 /* Processes a part without candidates. A large part is divided first. */
 static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
     if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest)) return true;
-    if (at.radius > SMALL * at.spacing) {
-        double length;
-        const int longest = longest_edge(t, &length);
-        part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
-        one.corner[(longest + 1) % 3] = other.corner[longest] =
-            facets_middle(d->f, t->of->patch, t->corner[longest], t->corner[(longest + 1) % 3]);
-        return visit_large_part(d, &one) && visit_large_part(d, &other);
-    }
-    const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
-    const size_t base = d->top;
-    return collect_within(d, centroid, reach, t->of) &&
-           visit_candidates(d, t, base, centroid, at.radius, reach);
+    if (at.radius <= SMALL * at.spacing) return visit_part_nearby(d, t, centroid, &at);
+    double length;
+    const int longest = longest_edge(t, &length);
+    part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
+    one.corner[(longest + 1) % 3] = other.corner[longest] =
+        facets_middle(d->f, t->of->patch, t->corner[longest], t->corner[(longest + 1) % 3]);
+    return visit_large_part(d, &one) && visit_large_part(d, &other);
+}
+
+/* A quadrilateral of the surface between two ends; an end of a triangle may be one corner. */
+typedef struct strip {
+    vec3 first[2], last[2]; /* the corners of each end; the edges first[k] last[k] are its sides */
+} strip;
+
+static double strip_width(const strip *s)
+{
+    return fmax(vec3_norm(vec3_sub(s->first[1], s->first[0])), vec3_norm(vec3_sub(s->last[1], s->last[0])));
+}
+
+static double strip_length(const strip *s)
+{
+    return fmin(vec3_norm(vec3_sub(s->last[0], s->first[0])), vec3_norm(vec3_sub(s->last[1], s->first[1])));
+}
+
+static bool visit_triangles_of_strip(descent *d, const strip *s, const facet *of)
+{
+    const part one = {{s->first[0], s->last[0], s->last[1]}, of},
+               other = {{s->first[0], s->last[1], s->first[1]}, of};
+    const bool has_other = vec3_norm2(vec3_sub(s->first[1], s->first[0])) > 0;
+    return visit_large_part(d, &one) && (!has_other || visit_large_part(d, &other));
+}
+
+/* Processes a strip without candidates. Halving both of its sides gives parts in proportion to its length.
+ * Halving the longest edge of a triangle instead gives three triangles of half the length. */
+static bool visit_strip(descent *d, const strip *s, const facet *of)
+{
+    const vec3 middle[2] = {vec3_scale(vec3_add(s->first[0], s->last[0]), 0.5),
+                            vec3_scale(vec3_add(s->first[1], s->last[1]), 0.5)};
+    const vec3 centre = vec3_scale(vec3_add(middle[0], middle[1]), 0.5);
+    double radius = 0;
+    for (int k = 0; k < 2; k++)
+        radius = fmax(
+            radius, fmax(vec3_norm(vec3_sub(s->first[k], centre)), vec3_norm(vec3_sub(s->last[k], centre))));
+    const surroundings at = surroundings_at(d, centre, radius);
+    if (!voronoi_reaches(d->wanted, centre, at.radius, at.nearest)) return true;
+    if (at.radius <= SMALL * at.spacing || strip_length(s) < LEAST_ELONGATION * strip_width(s))
+        return visit_triangles_of_strip(d, s, of);
+    const strip one = {{s->first[0], s->first[1]}, {middle[0], middle[1]}},
+                other = {{middle[0], middle[1]}, {s->last[0], s->last[1]}};
+    return visit_strip(d, &one, of) && visit_strip(d, &other, of);
+}
+
+/* The strip of a triangle from the corner opposite to its shortest edge to this edge. */
+static strip strip_of_triangle(const facet *t)
+{
+    int shortest = 0;
+    for (int k = 1; k < 3; k++)
+        if (vec3_norm2(vec3_sub(t->corner[(k + 1) % 3], t->corner[k])) <
+            vec3_norm2(vec3_sub(t->corner[(shortest + 1) % 3], t->corner[shortest])))
+            shortest = k;
+    const vec3 apex = t->corner[(shortest + 2) % 3];
+    return (strip){{apex, apex}, {t->corner[shortest], t->corner[(shortest + 1) % 3]}};
 }
 
 /* Processes a triangle. `certain`: all candidates are of its piece and not on an opposite wall. */
@@ -679,6 +740,9 @@ static bool visit_triangle(descent *d, const facet *t, const candidates *from, v
 
 static bool visit_large_triangle(descent *d, const facet *t)
 {
+    const strip s = strip_of_triangle(t);
+    if (d->f->in.triangle_count > 0 && strip_length(&s) >= LEAST_ELONGATION * strip_width(&s))
+        return visit_strip(d, &s, t);
     return visit_large_part(d, &(part){{t->corner[0], t->corner[1], t->corner[2]}, t});
 }
 

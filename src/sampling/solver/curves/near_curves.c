@@ -132,7 +132,7 @@ static int compare_segments(const void *left, const void *right)
     return (*a > *b) - (*a < *b);
 }
 
-/* Segments whose boxes lie within `reach` of a sample, ascending. */
+/* Segments whose boxes lie within `reach` of a sample, in the order of the tree. */
 static const uint32_t *find_segments(merging *m, uint32_t place, double reach, size_t *count)
 {
     const vec3 x = m->samples->position[place];
@@ -143,6 +143,13 @@ static const uint32_t *find_segments(merging *m, uint32_t place, double reach, s
     while (box_tree_next_meeting(&m->tree, &w, &where))
         for (size_t k = w.first; k < w.end; k++)
             if (bbox_meet(&m->box[m->tree.order[k]], &where)) m->found[(*count)++] = m->tree.order[k];
+    return m->found;
+}
+
+/* The same segments, ascending. */
+static const uint32_t *find_segments_in_order(merging *m, uint32_t place, double reach, size_t *count)
+{
+    find_segments(m, place, reach, count);
     if (*count > 1) qsort(m->found, *count, sizeof *m->found, compare_segments);
     return m->found;
 }
@@ -203,31 +210,32 @@ static double merge_distance(const merging *m)
     return m->in->of_scan ? NEAR_CURVES_OF_SCANS : NEAR_CURVES;
 }
 
-/* The nearest sample of an earlier curve that a sample is merged into; the sample itself if there is none.
- * Segments connect the samples that their ends are merged into. */
+/* The nearest sample of an earlier curve that a sample is merged into; the sample itself if there is none. Of equal
+ * distances, that of the first segment counts. Segments connect the samples that their ends are merged into. */
 static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
 {
     const double reach = merge_distance(m) * m->in->spacing[place],
                  at = vec3_get(m->samples->position[place], m->axis);
     const vec3 x = m->samples->position[place];
     double least = INFINITY;
-    uint32_t found = place;
+    uint32_t found = place, found_by = NONE;
     size_t count;
     const uint32_t *near = find_segments(m, place, reach, &count);
     for (size_t k = 0; k < count; k++) {
         const segment *s = &m->segments[near[k]];
         if (s->high < at - reach || s->low > at + reach || !is_earlier(s, place, curve)) continue;
         const uint32_t a = m->target[s->from], b = m->target[s->to];
-        uint32_t nearer = distance_between(m, place, a) <= distance_between(m, place, b) ? a : b;
-        double away = distance_to(x, m->samples->position[a], m->samples->position[b]);
-        if (s->from == place || s->to == place) {
-            nearer = s->from == place ? b : a;
-            away = distance_between(m, place, nearer);
-        }
-        if (!(away < reach) || nearer == place || !are_mergeable(m, place, nearer)) continue;
-        if (distance_between(m, place, nearer) >= least) continue;
-        least = distance_between(m, place, nearer);
+        const bool is_end = s->from == place || s->to == place;
+        const double to_a = distance_between(m, place, a), to_b = distance_between(m, place, b);
+        const uint32_t nearer = is_end ? (s->from == place ? b : a) : to_a <= to_b ? a : b;
+        const double distance = nearer == a ? to_a : to_b;
+        if (nearer == place || distance > least || (distance == least && near[k] > found_by)) continue;
+        const double away =
+            is_end ? distance : distance_to(x, m->samples->position[a], m->samples->position[b]);
+        if (!(away < reach) || !are_mergeable(m, place, nearer)) continue;
+        least = distance;
         found = nearer;
+        found_by = near[k];
     }
     return found;
 }
@@ -246,7 +254,7 @@ static void merge_corner(merging *m, uint32_t corner)
     const double reach = merge_distance(m) * m->in->spacing[corner];
     const vec3 x = m->samples->position[corner];
     size_t count;
-    const uint32_t *near = find_segments(m, corner, reach, &count);
+    const uint32_t *near = find_segments_in_order(m, corner, reach, &count);
     for (size_t k = 0; k < count; k++) {
         const segment *s = &m->segments[near[k]];
         const uint32_t end[2] = {s->from, s->to},
@@ -269,7 +277,7 @@ static void merge_loose_end(merging *m, uint32_t corner)
 {
     double least = LOOSE_END_DISTANCE * m->in->spacing[corner];
     size_t count;
-    const uint32_t *near = find_segments(m, corner, least, &count);
+    const uint32_t *near = find_segments_in_order(m, corner, least, &count);
     for (size_t k = 0; k < count; k++) {
         const uint32_t end[2] = {m->segments[near[k]].from, m->segments[near[k]].to};
         for (int i = 0; i < 2; i++) {
@@ -353,12 +361,14 @@ static int compare_copies(const void *left, const void *right)
     return a->source < b->source ? -1 : a->source > b->source;
 }
 
-static bool list_copies(merging *m, error *e)
+/* `any_merged`: some sample is merged into another. */
+static bool list_copies(merging *m, bool any_merged, error *e)
 {
     bool ok = true;
     m->new_count = 0;
     for (uint32_t k = 0; ok && k < m->samples->count; k++)
-        ok = add_copies(m, m->target[k], k, e) && (m->target[k] != k || add_facing_copies(m, k, e));
+        ok = add_copies(m, m->target[k], k, e) &&
+             (!any_merged || m->target[k] != k || add_facing_copies(m, k, e));
     if (!ok) return false;
     if (m->new_count) qsort(m->new_copies, m->new_count, sizeof *m->new_copies, compare_copies);
     for (size_t k = 0, at = 0; k <= m->samples->count; k++) {
@@ -374,7 +384,7 @@ static bool merge_all(merging *m, error *e)
     size_t remaining = m->samples->count, before;
     for (uint32_t k = 0; k < m->samples->count; k++) m->target[k] = k;
     do {
-        if (!list_copies(m, e)) return false;
+        if (!list_copies(m, remaining < m->samples->count, e)) return false;
         before = remaining;
         remaining = find_targets(m);
     } while (remaining < before);

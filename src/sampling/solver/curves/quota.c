@@ -226,7 +226,9 @@ bool quota_for_count(const quota_input *in, size_t count, quota *out, error *e)
         ok = out->samples.border != NULL;
     }
     for (int pass = 0; ok && !in->without_samples && pass < PASSES; pass++) {
-        out->spacing = packing_spacing(in->scan->area, cells);
+        const double spacing = packing_spacing(in->scan->area, cells);
+        if (pass > 0 && spacing == out->spacing) break; /* the fixed point */
+        out->spacing = spacing;
         ok = make_samples(in, out->spacing, most, &out->samples, e) &&
              assign_small_patches(in, &out->samples, out->spacing, cells, count - out->samples.count, rule,
                                   &served, e);
