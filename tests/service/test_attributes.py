@@ -490,7 +490,7 @@ def test_vertices_of_a_mesh(carry, tmp_path, form):
     close(columns["number"][flat], expected[flat, 6], 198)
     assert numpy.abs(columns["green"] - 255 * columns["Cd_g"]).max() < 0.501
     assert (columns["s"] == columns["uv_s"]).all() and (columns["t"] == columns["uv_t"]).all()
-    assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float"]
+    assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float", "int"]  # the last is kappa_defined
     error, none = carry({"mesh": {"path": str(tmp_path / "cube.ply")}}, [{"name": "wool"}])
     assert none is None and error["code"] == "attribute_missing"
     assert '"wool": choose one of "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
