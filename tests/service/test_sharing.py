@@ -141,7 +141,7 @@ def test_the_client_holds_and_releases(new_service):
         assert out.splitlines()[1] in "".join(control(service, *words)[1:]), words
     assert json.loads(control(service, "--json", "hold")[1]) == {"held": True, "running": 0}
     code, out, _ = control(service, "release")  # the job may have begun before the answer
-    assert code == 0 and out in ("0 attempts run\n", "1 attempt runs\n") and "held" not in control(service, "workers")[1]
+    assert code == 0 and out in ("the hold is ended\n0 attempts run\n", "the hold is ended\n1 attempt runs\n") and "held" not in control(service, "workers")[1]
     service.wait_state(job, "succeeded")
     assert control(service, "list")[2] == control(service, "show", job)[2] == ""
 
