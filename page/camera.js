@@ -5,6 +5,10 @@ const NEAR = 0.01, FAR = 100; // in distances of the eye from the point
 const FIELD_OF_VIEW = 0.6; // radians
 const STEP = 0.12; // of a key
 
+/** Directions from which one looks, as [yaw, pitch] if z is up. */
+const PRESETS = {Front: [-Math.PI / 2, 0], Back: [Math.PI / 2, 0], Right: [0, 0], Left: [Math.PI, 0], Top: [-Math.PI / 2, 1.57], Bottom: [-Math.PI / 2, -1.57]};
+export const DIRECTIONS = Object.keys(PRESETS);
+
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
@@ -19,6 +23,17 @@ export class Camera {
   reset() {
     // `zoom` and `shift` are in radii of the ball, so that they are the same for surfaces of different sizes
     Object.assign(this, {zoom: 1.05 / Math.sin(FIELD_OF_VIEW / 2), shift: [0, 0, 0], yaw: 0.7, pitch: 0.45, moved: false});
+  }
+
+  /** Looks from one of DIRECTIONS. */
+  look(direction) {
+    const [yaw, pitch] = PRESETS[direction];
+    Object.assign(this, {yaw: yaw + (this.up === "y" ? Math.PI / 2 : 0), pitch, moved: true});
+  }
+
+  /** Turns about this point from now on. */
+  centre(point) {
+    Object.assign(this, {shift: point.map((p, k) => (p - this.center[k]) / this.radius), moved: true});
   }
 
   /** Sets the ball to look at; once it has been framed and moved by hand, it stays as it is. */
@@ -101,8 +116,8 @@ export class Camera {
   }
 }
 
-/** Lets mouse, fingers and keys move the camera of a canvas; `onMove()` after each, `onPick(x, y)` for a click. */
-export function steer(canvas, camera, onMove, onPick) {
+/** Lets mouse, fingers and keys move the camera of a canvas; `onMove()` after each, `onPick(x, y)` for a click, `onCentre(x, y)` for a double click. */
+export function steer(canvas, camera, onMove, onPick, onCentre) {
   const fingers = new Map();
   let travelled = 0;
   const middle = () => {
@@ -131,6 +146,7 @@ export function steer(canvas, camera, onMove, onPick) {
     fingers.delete(event.pointerId);
     if (event.type === "pointerup" && travelled < 4) onPick(event.offsetX, event.offsetY);
   };
+  canvas.ondblclick = event => onCentre(event.offsetX, event.offsetY);
   canvas.onwheel = event => {
     event.preventDefault();
     camera.approach(Math.exp(event.deltaY * (event.deltaMode ? 0.03 : 0.001)));

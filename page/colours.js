@@ -13,6 +13,7 @@ export const MAPS = {
   viridis: ramp([[71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]]),
   "blue to red": ramp([[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]]),
   grey: ramp([[40, 40, 40], [240, 240, 240]]),
+  shading: () => [205, 200, 190],
   neighbours: t => NEIGHBOURS[Math.min(4, Math.floor(t * 5))],
 };
 
@@ -20,11 +21,12 @@ const INK_SHARE = 0.35; // 0: viridis begins as dark as the ground of the dark t
 
 const brightness = ([red, green, blue]) => 0.3 * red + 0.59 * green + 0.11 * blue;
 
-/** The colours of a map on a ground. Colours of about its brightness are mixed with the ink of texts, so that none is like the ground. */
+/** The colours of a map on a ground. On a dark one, colours of about its brightness are mixed with the ink of texts, so that none is
+ * like the ground; on a light one, the rims of discs are dark. */
 export function coloursOf(name, {ground, ink}) {
   const bytes = new Uint8Array(1024);
   const mixed = colour => {
-    const share = INK_SHARE * (1 - Math.abs(brightness(colour) / 255 - brightness(ground)));
+    const share = (brightness(ground) > 0.5 ? 0 : INK_SHARE) * (1 - Math.abs(brightness(colour) / 255 - brightness(ground)));
     return colour.map((part, k) => Math.round(part + share * (255 * ink[k] - part)));
   };
   for (let i = 0; i < 256; i++) bytes.set([...mixed(MAPS[name](i / 255)), 255], 4 * i);
@@ -32,6 +34,19 @@ export function coloursOf(name, {ground, ink}) {
 }
 
 const SAMPLES = 20000;
+
+const BARS = 64;
+
+/** How many of the values lie in each of BARS equal parts of what rangeOf spans and a quarter beyond each end: {low, high, bars}, bars of at most 1. */
+export function histogramOf(column, count) {
+  const [from, to] = rangeOf(column, count), low = from - (to - from) / 4, high = to + (to - from) / 4, bars = new Array(BARS).fill(0);
+  for (let i = 0; i < count; i += Math.max(1, Math.floor(count / SAMPLES))) {
+    const at = Math.floor(BARS * (column[i] - low) / (high - low));
+    if (at >= 0 && at < BARS) bars[at]++;
+  }
+  const most = Math.max(1, ...bars);
+  return {low, high, bars: bars.map(bar => bar / most)};
+}
 
 /** What all but two in a hundred values at each end lie within. */
 export function rangeOf(column, count) {

@@ -11,6 +11,7 @@ uniform mat4 matrix;
 uniform vec3 eye;
 uniform vec4 plane; // what is behind it is not drawn
 uniform float pixel; // what a pixel covers at distance one
+uniform float size; // factor of the radii of discs
 uniform int picked;
 out vec2 place;
 out float shade, amount;
@@ -20,7 +21,7 @@ void main() {
   vec2 side_of_quad = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   vec3 side = normalize(abs(normal.z) < 0.9 ? cross(normal, vec3(0, 0, 1)) : cross(normal, vec3(1, 0, 0)));
   vec3 to = eye - position;
-  float radius = max(0.58 * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels; neighbours touch
+  float radius = max(0.58 * size * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels; neighbours touch
   if (gl_InstanceID == picked) radius *= 1.6;
   place = side_of_quad * (1.0 + pixel * length(to) / radius); // room for the pixels of the rim
   vec3 corner = position + radius * (place.x * side + place.y * cross(normal, side));
@@ -107,6 +108,7 @@ export class Discs {
     this.showWire = false;
     this.showDiscs = true;
     this.picked = -1;
+    this.size = 1;
     this.plane = [0, 0, 0, 1];
     this.range = [0, 1];
     this.discs = compile(gl, DISC_VERTEX, DISC_FRAGMENT);
@@ -204,6 +206,7 @@ export class Discs {
     gl.uniform3fv(at.eye, camera.eye());
     gl.uniform1f(at.pixel, camera.pixel(canvas.width, canvas.height));
     gl.uniform2fv(at.range, this.range);
+    gl.uniform1f(at.size, this.size);
     gl.uniform1i(at.picked, this.picked);
     gl.uniform1i(at.picking, picking ? 1 : 0);
     gl.bindTexture(gl.TEXTURE_2D, this.map);

@@ -6,7 +6,7 @@ import {Charts, rowsOfReport} from "./chart.js";
 import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {LivePoints} from "./points.js";
 import {Report} from "./report.js";
-import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, stateOf, timeOf, warningsOf} from "./words.js";
+import {bytesOf, countOf, durationOf, isFinal, nameOf, PHASES, spentOf, stateOf, STATES, timeOf, warningsOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
 const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
@@ -136,8 +136,22 @@ function Buttons({job, frame, onChange}) {
     failed.</p>`}`;
 }
 
+/** Notifies the user when the job ends, where the browser permits it. */
+function useNotification(job) {
+  const [asked, setAsked] = useState(false);
+  const ended = job && isFinal(job.state);
+  useEffect(() => {
+    if (asked && ended) new Notification(`${nameOf(job)}: ${stateOf(job).word}`);
+  }, [asked && ended]);
+  if (!window.isSecureContext || !("Notification" in window)) return null;
+  return [asked, async () => setAsked(await Notification.requestPermission() === "granted")];
+}
+
 function Facts({job, now}) {
+  const {depends_on: first = [], after = [], after_frames: frames = []} = job.spec && job.spec.queue || {};
+  const others = [...new Set([...first, ...after, ...frames])];
   const rows = [
+    [isFinal(job.state) ? "Waited for" : "Waits for", others.length > 0 && others.map(id => html`<a href=${`#/jobs/${id}`}>${nameOf({id})}</a> `)],
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
     ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
@@ -148,8 +162,24 @@ function Facts({job, now}) {
   return html`<dl class="card facts-list">${rows.map(([word, value]) => (value || value === 0) && html`<div><dt>${word}</dt><dd>${value}</dd></div>`)}</dl>`;
 }
 
+const COUNTED = ["succeeded", "failed", "timed_out", "cancelled", "running", "waiting"];
+
+/** Seconds that an array has left if the other frames take as long as those that have ended; null: not known. */
+function leftOf({tasks, started}, now) {
+  const ended = tasks.all - tasks.waiting - tasks.running;
+  return started && ended > 0 && ended < tasks.all ? (now - new Date(started)) / 1000 / ended * (tasks.all - ended) : null;
+}
+
+/** How many frames of an array have which state. */
+function FramesBar({job, now}) {
+  const some = COUNTED.filter(state => job.tasks[state] > 0), left = leftOf(job, now);
+  const words = some.map(state => `${countOf(job.tasks[state])} ${(STATES[state] || STATES.queued).word.toLowerCase()}`).join(", ");
+  return html`<div class="bar" role="img" aria-label=${words}>${some.map(state => html`<span class=${state} style=${{flexGrow: job.tasks[state]}}></span>`)}</div>
+    <p class="hint">${words}${left !== null && !isFinal(job.state) ? `; about ${durationOf(left)} left` : ""}</p>`;
+}
+
 /** The frames of an array as cells; a chosen one shows its results. */
-function Tasks({job, frame, onChoose}) {
+function Tasks({job, frame, now, onChoose}) {
   const [tasks, setTasks] = useState([]);
   const [error, setError] = useState(null);
   const readSoon = useMemo(() => throttled(async () => {
@@ -167,12 +197,13 @@ function Tasks({job, frame, onChoose}) {
   }, SLOW_MS), [job.id]);
   useEffect(readSoon, [job.id, job.revision, job.tasks.succeeded, job.tasks.running]);
   useEffect(() => readSoon.cancel, [readSoon]);
-  return html`<section aria-label="Frames"><h2>Frames</h2><${Trouble} error=${error} /><div class="frames">${tasks.map(task => {
+  const pictures = job.spec && (job.spec.output || {}).preview !== false;
+  return html`<section aria-label="Frames"><h2>Frames</h2><${FramesBar} job=${job} now=${now} /><${Trouble} error=${error} /><div class="frames">${tasks.map(task => {
     const {word, sign, kind} = stateOf(task);
     const waits = task.waits ? `, waits for this frame of ${task.waits === 1 ? "another job" : `${task.waits} other jobs`}` : "";
     return html`<button key=${task.frame} class=${`frame ${kind}`} aria-pressed=${task.frame === frame}
       title=${`Frame ${task.frame}: ${word}${waits}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
-      ><span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
+      >${pictures && task.state === "succeeded" && html`<img loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png?frame=${task.frame}`).href} onError=${e => { e.target.hidden = true; }} />`}<span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
   })}</div>${warningsOf(tasks).map(text => html`<p class="notice">${text}</p>`)}</section>`;
 }
 
@@ -253,23 +284,25 @@ export function Job({ids: [id], search, session}) {
   const {job, rows, lines, error, reload} = useJob(id, frame, owns);
   const report = useReport(job && owns(job) ? job : null, frame);
   const now = useClock(1000);
+  const notification = useNotification(job);
   useTitle(job ? nameOf(job) : "Job");
   if (!job) return error ? html`<${Trouble} error=${error} />` : html`<p class="loading" role="status">Loading …</p>`;
 
-  const own = owns(job), progress = !isFinal(job.state) && job.progress;
+  const own = owns(job), progress = !isFinal(job.state) && job.progress, lives = own && !isFinal(job.state) && rows.length > 0;
   return html`<p class="back"><a href="#/">Queue</a></p>
     <h1>${nameOf(job)} <${State} job=${job} /></h1>
     <${Trouble} error=${error} />
     ${job.error && html`<p class="trouble">${job.error.message}</p>`}
     ${explain(job, report).map(text => html`<p class="lead">${text}</p>`)}
     ${progress && html`<div class="live" aria-live="off"><${Progress} fraction=${progress.fraction} label="Progress" />
+      ${notification && html`<button class="plain" disabled=${notification[0]} onClick=${notification[1]}>${notification[0] ? "A notification follows" : "Notify me at the end"}</button>`}
       <span>${PHASES[progress.phase]}${progress.eta_s >= 1 ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
     ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} frame=${frame} onChange=${reload} />`}
-    <${Facts} job=${job} now=${now} />
-    ${own && job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
+    <div class=${lives ? "beside" : ""}>${lives && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
+      <${Facts} job=${job} now=${now} /></div>
+    ${own && job.array && html`<${Tasks} job=${job} frame=${frame} now=${now} onChoose=${setFrame} />`}
     ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
-    ${own && !isFinal(job.state) && rows.length > 0 && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
     ${report && html`<${Report} report=${report} />`}

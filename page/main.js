@@ -12,6 +12,7 @@ const ROUTES = [
   [/^\/jobs\/([0-9a-z]{26})$/, async () => (await import("./job.js")).Job],
   [/^\/jobs\/([0-9a-z]{26})\/points$/, async () => (await import("./points.js")).Points],
   [/^\/compare\/([0-9a-z]{26})\/([0-9a-z]{26})$/, async () => (await import("./compare.js")).Compare],
+  [/^\/service$/, async () => (await import("./service.js")).Service],
   [/^\/submit$/, async () => (await import("./submit.js")).Submit],
 ];
 
@@ -51,7 +52,7 @@ function Theme() {
 function Header({session, path, onSignOut}) {
   const link = (to, word) => html`<a href=${`#${to}`} aria-current=${path === to ? "page" : null}>${word}</a>`;
   return html`<header><a class="brand" href="#/"><img src="page/icon.svg" alt="" width="24" height="24" />hexad</a>
-    <nav aria-label="Views">${link("/", "Queue")}${session.scopes.includes("submit") && link("/submit", "New job")}</nav>
+    <nav aria-label="Views">${link("/", "Queue")}${session.scopes.includes("submit") && link("/submit", "New job")}${session.scopes.includes("admin") && link("/service", "Service")}</nav>
     <span class="account">${session.user}</span>${session.ends && html`<button class="plain" onClick=${onSignOut}>Sign out</button>`}
     <${Theme} /></header>`;
 }
@@ -77,6 +78,12 @@ function App() {
     addEventListener("signed-out", ask);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dispatchEvent(new Event("theme")));
   }, []);
+
+  const user = session && session.user;
+  useEffect(() => {
+    const main = document.getElementById("main");
+    if (main && document.activeElement === document.body) main.focus(); // the form that had the focus is gone
+  }, [user]);
 
   if (!session || !view) return html`<p class="loading" role="status">Loading …</p>`;
   if (!session.user) return html`<main><${SignIn} onSession=${setSession} /></main>`;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The points of a job in 3-D, and the views of their properties.
-import {html, useEffect, useRef, useState} from "./preact.js";
+import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {get, query, wait} from "./api.js";
-import {Camera, steer} from "./camera.js";
-import {coloursOf, MAPS, rangeOf} from "./colours.js";
+import {Camera, DIRECTIONS, steer} from "./camera.js";
+import {coloursOf, histogramOf, MAPS, rangeOf} from "./colours.js";
 import {Discs} from "./discs.js";
 import {countNeighbours} from "./neighbours.js";
 import {Trouble, useTitle} from "./parts.js";
@@ -13,6 +13,9 @@ import {countOf, nameOf, numberOf} from "./words.js";
 /** The maximum number of shown points. If there are more, a selection is shown, with a note: two million are 64 MiB on the graphics card. */
 const MOST = 2000000;
 const NEIGHBOURS = "neighbours";
+const SHADING = "shading";
+const WORDS = {kappa: "curvature", kappa1: "largest curvature", kappa2: "smallest curvature", spacing_local: "spacing", spacing: "requested spacing"};
+const BACKGROUNDS = {"": "As the page", white: "White", grey: "Grey", black: "Black"};
 const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
 const SHOWN_MS = 250; // how often points that arrive are shown
 const HELD = 60; // milliseconds: a film shows no frame for less
@@ -27,6 +30,30 @@ const partsOf = colour => colour.match(/[\d.]+/g).slice(0, 3).map(part => part /
 function coloursAt(element) {
   const {backgroundColor, color} = getComputedStyle(element);
   return {ground: partsOf(backgroundColor), ink: partsOf(color)};
+}
+
+/** The axes and the scale bar over a picture of the points. The bar's length holds at the distance of the point that is looked at. */
+function drawScale(stage, camera, width, height) {
+  const {right, up} = camera.axes();
+  for (const [k, arm] of stage.querySelectorAll(".axes g").entries()) {
+    const [x, y] = [22 * right[k], -22 * up[k]], [line, text] = arm.children;
+    for (const [name, value] of [["x2", x], ["y2", y]]) line.setAttribute(name, value);
+    for (const [name, value] of [["x", 1.3 * x], ["y", 1.3 * y]]) text.setAttribute(name, value);
+  }
+  const bar = stage.querySelector(".scale-bar");
+  if (!bar || !width) return;
+  const unit = camera.pixel(width, height) * camera.distance, longest = unit * Math.min(140, width / 4);
+  const power = 10 ** Math.floor(Math.log10(longest)), length = power * [5, 2, 1].find(part => part * power <= longest);
+  bar.style.width = `${length / unit}px`;
+  bar.textContent = numberOf(length);
+}
+
+const AXIS_LETTERS = ["x", "y", "z"];
+
+function Scale() {
+  return html`<svg class="axes" viewBox="-32 -32 64 64" aria-hidden="true">${AXIS_LETTERS.map(letter =>
+    html`<g class=${letter}><line x1="0" y1="0" /><text text-anchor="middle" dominant-baseline="central">${letter}</text></g>`)}</svg>
+    <span class="scale-bar" title="Length at the centre of the view"></span>`;
 }
 
 /**
@@ -63,6 +90,7 @@ class Scene {
     const {ground, ink} = coloursAt(this.canvas.parentNode);
     const begun = performance.now();
     const calls = this.discs.draw(this.camera, ground, ink);
+    drawScale(this.canvas.parentNode, this.camera, this.canvas.clientWidth, this.canvas.clientHeight);
     Object.assign(this.canvas.dataset, {calls, bytes: this.discs.bytes || 0, ms: performance.now() - begun});
   }
 
@@ -106,13 +134,15 @@ class Scene {
 function Legend({colouring, counts, theme}) {
   const place = useRef(null);
   useEffect(() => {
+    if (!place.current) return;
     const canvas = place.current, context = canvas.getContext("2d"), image = context.createImageData(256, 1);
     image.data.set(coloursOf(colouring.map, coloursAt(canvas.closest(".stage"))));
     context.putImageData(image, 0, 0);
-  }, [colouring.map, theme]);
+  }, [colouring.map, colouring.by === SHADING, theme]);
+  if (colouring.by === SHADING) return null;
   const ends = colouring.by === NEIGHBOURS ? null : colouring.range;
   return html`<div class="legend"><canvas ref=${place} width="256" height="1" aria-hidden="true"></canvas>
-    ${ends ? html`<span class="ends"><span>${numberOf(ends[0])}</span><span>${colouring.by}</span><span>${numberOf(ends[1])}</span></span>`
+    ${ends ? html`<span class="ends"><span>${numberOf(ends[0])}</span><span>${WORDS[colouring.by] || colouring.by}</span><span>${numberOf(ends[1])}</span></span>`
       : html`<span class="ends">${[4, 5, 6, 7, 8].map(n => html`<span>${n === 4 ? "≤ 4" : n === 8 ? "≥ 8" : n}</span>`)}</span>`}
     ${counts && colouring.by === NEIGHBOURS && html`<p class="hint">Five: ${countOf(counts[5] || 0)}, six: ${countOf(counts[6] || 0)}, seven: ${countOf(counts[7] || 0)}, others: ${countOf(counts.others)}</p>`}</div>`;
 }
@@ -125,15 +155,25 @@ function Picked({points, index, onClose}) {
     <h3>Point ${countOf(index * step)}</h3><dl>${Object.keys(columns).map(name => html`<div><dt>${name}</dt><dd>${numberOf(value(name))}</dd></div>`)}</dl></aside>`;
 }
 
-function ColourControls({colouring, names, onChange}) {
+/** The histogram of the colouring's values, with a handle at each end of the range. */
+function Range({column, count, range, onChange}) {
+  const {low, high, bars} = useMemo(() => histogramOf(column, count), [column, count]);
+  const handle = (k, word) => html`<input type="range" aria-label=${word} min=${low} max=${high} step=${(high - low) / 500} value=${range[k]}
+    onInput=${e => onChange(range.map((old, i) => (i === k ? Number(e.target.value) : old)))} />`;
+  return html`<span class="histogram"><svg viewBox=${`0 0 ${bars.length} 1`} preserveAspectRatio="none" aria-hidden="true">
+    ${bars.map((bar, i) => html`<rect x=${i} y=${1 - bar} width="0.9" height=${bar} />`)}</svg>${handle(0, "Lower end of the range")}${handle(1, "Upper end of the range")}</span>`;
+}
+
+function ColourControls({colouring, names, points, onChange}) {
   const set = change => onChange({...colouring, ...change});
   const bound = (k, word) => html`<label>${word}<input type="number" step="any" value=${Number(colouring.range[k].toPrecision(4))}
     onChange=${e => set({range: colouring.range.map((old, i) => (i === k ? Number(e.target.value) : old))})} /></label>`;
   return html`<label>Colour by<select value=${colouring.by} onChange=${e => set({by: e.target.value, range: null})}>
-      ${names.map(name => html`<option value=${name} selected=${name === colouring.by}>${name}</option>`)}</select></label>
-    ${colouring.by !== NEIGHBOURS && colouring.range && html`${bound(0, "From")}${bound(1, "To")}
+      ${names.map(name => html`<option value=${name} selected=${name === colouring.by}>${WORDS[name] || name}</option>`)}</select></label>
+    ${![NEIGHBOURS, SHADING].includes(colouring.by) && colouring.range && points.columns[colouring.by] && html`<${Range} column=${points.columns[colouring.by]}
+      count=${points.count} range=${colouring.range} onChange=${range => set({range})} />${bound(0, "From")}${bound(1, "To")}
       <label>Map<select value=${colouring.map} onChange=${e => set({map: e.target.value})}>
-        ${Object.keys(MAPS).filter(map => map !== NEIGHBOURS).map(map => html`<option value=${map} selected=${map === colouring.map}>${map}</option>`)}</select></label>`}`;
+        ${Object.keys(MAPS).filter(map => ![NEIGHBOURS, SHADING].includes(map)).map(map => html`<option value=${map} selected=${map === colouring.map}>${map}</option>`)}</select></label>`}`;
 }
 
 /** The neighbours of all points, counted once and kept with them. */
@@ -166,10 +206,13 @@ function useTheme() {
  * which are shown instead of its results. Views with the same set of `scenes` move their cameras together.
  */
 export function PointCloud({job, frame, onShown, snapshot, scenes}) {
-  const canvas = useRef(null), scene = useRef(null);
+  const stage = useRef(null), canvas = useRef(null), scene = useRef(null);
   const [error, setError] = useState(null);
   const [progress, setProgress] = useState(null); // the points so far; null before the first
-  const [colouring, setColouring] = useState({by: snapshot ? "spacing" : "kappa", map: "viridis", range: null});
+  const graded = ["curvature", "feature", "grid", "curve_spacing"].some(name => job.spec && job.spec.sampling && job.spec.sampling[name]);
+  const [colouring, setColouring] = useState({by: !graded ? SHADING : snapshot ? "spacing" : "spacing_local", map: "viridis", range: null});
+  const [size, setSize] = useState(1);
+  const [background, setBackground] = useState("");
   const [picked, setPicked] = useState(-1);
   const [counting, setCounting] = useState(false);
   const [wire, setWire] = useState("none"); // none, wire, only
@@ -199,6 +242,14 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
       discs.picked = discs.pick(camera, Math.round(x * ratio), Math.round(y * ratio));
       setPicked(discs.picked);
       scene.current.change();
+    }, (x, y) => {
+      const ratio = canvas.current.width / canvas.current.clientWidth;
+      const found = discs.pick(camera, Math.round(x * ratio), Math.round(y * ratio));
+      if (found < 0) return;
+      const {columns} = scene.current.points;
+      camera.centre([columns.x[found], columns.y[found], columns.z[found]]);
+      scene.current.change();
+      moveOthers();
     });
     return () => {
       if (scenes) scenes.delete(scene.current);
@@ -263,12 +314,17 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
   }, [job.id, frame]);
 
   const points = progress && progress.points;
-  const names = points ? [...Object.keys(points.columns).filter(name => !NO_COLOURS.includes(name) && name !== NEIGHBOURS), ...(points.step === 1 ? [NEIGHBOURS] : [])] : [];
+  const names = points ? [SHADING, ...Object.keys(points.columns).filter(name => !NO_COLOURS.includes(name) && name !== NEIGHBOURS), ...(points.step === 1 ? [NEIGHBOURS] : [])] : [];
   useEffect(() => {
     if (!points || !points.count) return;
     const {discs} = scene.current, column = points.columns[colouring.by];
+    if (colouring.by === SHADING) {
+      discs.setMap(coloursOf(SHADING, coloursAt(canvas.current.parentNode)));
+      scene.current.change();
+      return;
+    }
     if (!column) {
-      if (colouring.by !== NEIGHBOURS) setColouring({...colouring, by: names[0], range: null});
+      if (colouring.by !== NEIGHBOURS) setColouring({...colouring, by: SHADING, range: null});
       else if (progress.whole && !counting) {
         setCounting(true);
         addNeighbours(scene.current).then(() => {
@@ -285,7 +341,13 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
     discs.range = range;
     scene.current.change();
     if (progress.whole && (String(range) !== String(colouring.range) || map !== colouring.map)) setColouring({...colouring, range, map});
-  }, [progress, colouring.by, colouring.map, String(colouring.range), theme]);
+  }, [progress, colouring.by, colouring.map, String(colouring.range), theme, background]);
+
+  useEffect(() => {
+    if (!scene.current) return;
+    scene.current.discs.size = size;
+    scene.current.change();
+  }, [size]);
 
   useEffect(() => {
     if (scene.current) scene.current.cut(cut.axis, cut.part, cut.other);
@@ -318,6 +380,12 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     });
   };
+  const look = ({target}) => {
+    if (target.value) scene.current.camera.look(target.value);
+    target.value = "";
+    scene.current.change();
+    moveOthers();
+  };
   const home = () => {
     scene.current.camera.reset();
     scene.current.frameAll();
@@ -326,9 +394,10 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
   };
   return html`<div class="cloud">
     <${Trouble} error=${error} />
-    <div class="stage"><canvas ref=${canvas} tabindex="0" role="img" class="points"
+    <div class="stage" ref=${stage} data-ground=${background}><canvas ref=${canvas} tabindex="0" role="img" class="points"
       aria-label=${`The points of ${nameOf(job)} in 3-D. Arrow keys turn, with shift they move, plus and minus zoom, Home shows all.`}></canvas>
-      ${points && html`<${Legend} colouring=${colouring} counts=${points.neighbours} theme=${theme} />`}
+      ${points && html`<${Legend} colouring=${colouring} counts=${points.neighbours} theme=${`${theme}${background}`} />`}
+      ${points && html`<${Scale} />`}
       ${points && html`<${Picked} points=${points} index=${picked} onClose=${() => {
         scene.current.discs.picked = -1;
         scene.current.change();
@@ -337,7 +406,12 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
       ${(!progress || !progress.whole) && !error && html`<p class="loading-points" role="status">${points ? `${countOf(progress.count * points.step)} of ${countOf(points.total)} points …` : "Loading points …"}</p>`}
       ${counting && html`<p class="loading-points" role="status">Counting neighbours …</p>`}</div>
     ${points && points.step > 1 && html`<p class="notice">One of ${points.step} points is shown: ${countOf(points.kept)} of ${countOf(points.total)}. Gaps between discs are no gaps in the packing.</p>`}
-    ${points && !snapshot && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} onChange=${setColouring} />
+    ${points && !snapshot && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} points=${points} onChange=${setColouring} />
+      <label>Size of points<input type="range" min="0.2" max="2" step="0.05" value=${size} onInput=${e => setSize(Number(e.target.value))} /></label>
+      <label>Background<select value=${background} onChange=${e => setBackground(e.target.value)}>
+        ${Object.entries(BACKGROUNDS).map(([key, word]) => html`<option value=${key} selected=${key === background}>${word}</option>`)}</select></label>
+      <label>View from<select value="" onChange=${e => look(e)}><option value="">Free</option>
+        ${DIRECTIONS.map(word => html`<option value=${word}>${word}</option>`)}</select></label>
       <label>Up<select value=${up} onChange=${e => setUp(e.target.value)}>
         ${["z", "y"].map(axis => html`<option value=${axis} selected=${axis === up}>${axis}</option>`)}</select></label>
       <label>Cut along<select value=${cut.axis} onChange=${e => setCut({...cut, axis: e.target.value})}>
@@ -346,9 +420,10 @@ export function PointCloud({job, frame, onShown, snapshot, scenes}) {
         <button onClick=${() => setCut({...cut, other: !cut.other})}>Other side</button>`}
       ${mesh && html`<label>Mesh<select value=${wire} onChange=${e => setWire(e.target.value)}>
         <option value="none">Hidden</option><option value="wire">With points</option><option value="only">Alone</option></select></label>`}
-      <span class="buttons"><button onClick=${home}>Show all</button><button onClick=${save}>Save picture</button></span></div>
+      <span class="buttons"><button onClick=${home}>Show all</button><button onClick=${save}>Save picture</button>
+        ${document.fullscreenEnabled && html`<button onClick=${() => stage.current.requestFullscreen().catch(setError)}>Full screen</button>`}</span></div>
 `}
-    ${points && html`<p class="hint stats">${countOf(progress.count)} point${progress.count === 1 ? "" : "s"}. Drag turns, shift or two fingers move, the wheel zooms, a click reads a point.</p>`}</div>`;
+    ${points && html`<p class="hint stats">${countOf(progress.count)} point${progress.count === 1 ? "" : "s"}. Drag turns, shift or two fingers move, the wheel zooms, a click reads a point, a double click centres it.</p>`}</div>`;
 }
 
 /** The points of a job or of one of its frames while its worker relaxes them; nothing before its first snapshot. */
@@ -408,6 +483,6 @@ export function Points({ids: [id], search}) {
   if (!job) return html`<${Trouble} error=${error} />`;
   if (job.array && !frames.length) return html`<p class="empty">No frame has succeeded yet.</p>`;
   return html`<p class="back"><a href="#/">Queue</a> › <a href=${`#/jobs/${id}`}>${nameOf(job)}</a></p><h1>Points of ${nameOf(job)}</h1>
-    <${PointCloud} job=${job} frame=${frame} onShown=${() => setShown(frame)} />
-    ${frames.length > 1 && html`<${Film} frames=${frames} frame=${frame} shown=${shown} onChange=${setFrame} />`}`;
+    ${frames.length > 1 && html`<${Film} frames=${frames} frame=${frame} shown=${shown} onChange=${setFrame} />`}
+    <${PointCloud} job=${job} frame=${frame} onShown=${() => setShown(frame)} />`;
 }

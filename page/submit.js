@@ -165,6 +165,12 @@ export function Submit({search}) {
     const job = await call("POST", "v1/jobs", spec);
     location.hash = `#/jobs/${job.id}`;
   });
+  useEffect(() => {
+    const at = submitError && submitError.errors && submitError.errors.length && document.getElementById(`f${submitError.errors[0].pointer}`);
+    if (!at) return;
+    for (let part = at.parentElement.closest("details"); part; part = part.parentElement.closest("details")) part.open = true;
+    at.focus(); // which scrolls it into view
+  }, [submitError]);
   const drop = e => {
     e.preventDefault();
     setOver(false);
@@ -195,6 +201,6 @@ export function Submit({search}) {
       ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
       <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
     <aside aria-label="Check">${fault ? html`<${Trouble} error=${fault} />` : html`<${Estimate} validation=${validation} busy=${busy} />`}
-      <button class="main" disabled=${submitting || Boolean(fault || sending || unread)}>Submit</button><${Trouble} error=${submitError} />
+      <button class="main" disabled=${submitting || Boolean(fault || sending || unread || takeError)}>Submit</button><${Trouble} error=${submitError} />
       <${Json} spec=${spec} fault=${unread} onChange=${setSpec} onFault=${setUnread} /></aside></form></div>`;
 }

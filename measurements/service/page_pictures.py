@@ -88,6 +88,8 @@ def views_of(jobs):
                  by.value = "spacing"; by.dispatchEvent(new Event("change", {bubbles: true}));""", ".legend"),
              "neighbours": (f"#/jobs/{jobs['rough']}/points", ".stats", """const by = document.querySelector(".controls select");
                  by.value = "neighbours"; by.dispatchEvent(new Event("change", {bubbles: true}));""", ".legend .hint"),
+             "service": ("#/service", ".users", None, None),
+             "filtered": ("#/?text=torus", "tbody tr", None, None),
              "lost": ("#/nothing", "h1", None, None)}
     for word in ("job", "rough", "failed", "array"):
         views[word] = (f"#/jobs/{jobs[word]}", ".facts-list" if word in ("failed", "array") else ".measures", None, None)

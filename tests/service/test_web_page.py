@@ -328,6 +328,7 @@ def test_points_of_a_running_job_are_shown(service, browser):
     job = service.submit(long_sphere(count=2000, name="long"))
     browser.open(service, f"#/jobs/{job}")
     browser.wait_text("2\u202f000 points", ".stats")
+    assert browser.run("return document.querySelector('canvas.points').getBoundingClientRect().top < 0.8 * innerHeight")  # above the fold
     wait_until_drawn(browser)
     service.post(f"/v1/jobs/{job}/cancel")
     browser.wait_text("Cancelled", "h1")
@@ -527,12 +528,50 @@ def test_the_frames_of_an_array(service, browser):
     service.wait_state(job, "succeeded")
     browser.open(service, f"#/jobs/{job}")
     wait_until(lambda: len(browser.all("button.frame.succeeded")) == 3, "three cells")
+    wait_until(lambda: browser.run("const i = document.querySelector('button.frame img'); return i && i.naturalWidth > 0"), "the picture of the frame")
     browser.one("button.frame:nth-child(2)").click()
     browser.wait_text("points.ply", ".results")
     browser.open(service, f"#/jobs/{job}/points")
     browser.wait_text("Frame 1", ".film")
     browser.press("Play", ".film")
     wait_until(lambda: "Frame 3" in browser.text(".film"), "the film")
+
+
+def test_the_bar_of_an_array_has_its_frames_by_state(gated, browser):
+    job = gated.submit(sphere(name="film", queue={"frames": "1-4", "by_frame": {"/surface/analytic/radius": [1, 1.1, 1.2, 1.3]}}))
+    after = gated.submit(sphere(name="later", queue={"depends_on": [job]}))
+    browser.open(gated, f"#/jobs/{job}")
+    gated.open_gate(f"{job}.1")
+    browser.wait_text("1 done", "section[aria-label=Frames]")
+    browser.wait_text("left", "section[aria-label=Frames]")
+    shares = browser.run("return [...document.querySelectorAll('.bar > span')].map(e => [e.className, e.offsetWidth / e.parentNode.offsetWidth])")
+    assert dict(shares)["succeeded"] == pytest.approx(0.25, abs=0.01) and sum(share for _, share in shares) == pytest.approx(1, abs=0.01)
+    wait_until(lambda: browser.run("const i = document.querySelector('button.frame img'); return !i || i.hidden"), "no frame of a picture that is missing")
+    browser.open(gated, f"#/jobs/{after}")
+    browser.wait_text("Waits for", ".facts-list")
+    browser.press(f"job {job[-6:]}", ".facts-list")
+    browser.wait_text("film", "h1")
+    for frame in (2, 3, 4):
+        gated.open_gate(f"{job}.{frame}")
+    gated.open_gate(after)
+    gated.wait_state(after, "succeeded")
+
+
+def test_an_administrator_sees_what_users_hold(closed_service, browser):
+    secret = new_token(closed_service, "erin")
+    job = with_token(closed_service, secret, "POST", "/v1/jobs", sphere(name="held")).json["id"]
+    wait_until(lambda: with_token(closed_service, secret, "GET", f"/v1/jobs/{job}").json["state"] == "succeeded", "the end")
+    sign_in(browser, closed_service, secret=secret)
+    assert "Service" not in browser.text("header")
+    browser.press("Sign out")
+    browser.one("#token")
+    sign_in(browser, closed_service, secret=closed_service.token)
+    assert browser.run("return document.activeElement.id") == "main"  # the focus of the form is not lost
+    browser.press("Service", "header")
+    row = wait_until(lambda: next((text for text in browser.texts(".users tbody tr") if text.startswith("erin")), None), "the user")
+    assert row.split()[1:3] == ["0", "0"] and row.split()[5] == "1"  # no attempt, no thread; 0 B of memory; a result
+    browser.press("Jobs", ".users")
+    browser.wait_text("held", "tbody")
 
 
 def test_unresolved_frames_are_marked(service, browser):
@@ -607,6 +646,10 @@ PICTURE = """
 """
 
 
+# The same, without a key.
+REPAINTED = PICTURE.replace('canvas.dispatchEvent(new KeyboardEvent("keydown", {key: arguments[0], bubbles: true}))', 'dispatchEvent(new Event("theme"))')
+
+
 def wait_until_drawn(browser):
     """The hash of the picture of points, seen from the first direction, as soon as points cover a tenth of it."""
     def drawn():
@@ -633,6 +676,39 @@ def test_many_points_are_turned(service, browser):
     browser.wait_text("kappa1", ".picked")
     for line in ("kappa\n", "spacing_local\n"):
         assert line in browser.text(".picked")
+
+
+def test_controls_of_the_view_of_points(service, browser):
+    """Each changes the picture; size, background, direction, range, centre."""
+    job = service.submit(sphere(count=1000, output={"preview": False}))
+    service.wait_state(job, "succeeded")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("1\u202f000 points", ".stats")
+    assert not browser.all(".legend")  # plain shading
+    wait_until_drawn(browser)
+    assert browser.texts(".axes text", "textContent") == ["x", "y", "z"]
+    bar = float(browser.text(".scale-bar"))
+    assert 0.1 <= bar <= 1 and browser.run("return document.querySelector('.scale-bar').offsetWidth") > 20
+
+    def changes(act, what):
+        before = browser.run(REPAINTED)[0]
+        act()
+        wait_until(lambda: browser.run(REPAINTED)[0] != before, what)
+
+    def slide(label, value):
+        browser.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))", browser.one(label), value)
+    changes(lambda: slide(".controls label input[type=range]", "0.5"), "smaller points")
+    changes(lambda: browser.choose("black", select_of(browser, "As", "the", "page", "White", "Grey", "Black")), "another background")
+    directions = select_of(browser, "Free", "Front", "Back", "Right", "Left", "Top", "Bottom")
+    changes(lambda: browser.choose("Front", directions), "the front")
+    place = browser.run("return [...document.querySelectorAll('.axes line')].map(e => [+e.getAttribute('x2'), +e.getAttribute('y2')].map(Math.round))")
+    assert place == [[22, 0], [0, 0], [0, -22]]  # x to the right, z up
+    changes(lambda: browser.choose("spacing_local", browser.one(".controls select")), "colours of the spacing")
+    browser.wait_text("spacing", ".legend")
+    changes(lambda: slide(".histogram input", browser.run("return document.querySelectorAll('.histogram input')[1].value")), "another range")
+    double = "const c = document.querySelector('canvas.points'); c.dispatchEvent(new MouseEvent('dblclick', {bubbles: true, clientX: c.getBoundingClientRect().left + c.clientWidth / 2 + 30, clientY: c.getBoundingClientRect().top + c.clientHeight / 2}))"
+    changes(lambda: slide(".controls label input[type=range]", "1.5"), "points without gaps")
+    changes(lambda: browser.run(double), "another centre")
 
 
 def select_of(browser, *words):
@@ -732,7 +808,7 @@ def test_points_without_their_spacing_are_drawn(service, browser):
     job = service.submit(sphere(count=300, output={"preview": False, "ply": {"properties": ["minimal"]}}))
     service.wait_state(job, "succeeded")
     browser.open(service, f"#/jobs/{job}/points")
-    browser.wait_text("six:", ".legend")
+    browser.wait_text("300 points", ".stats")
     wait_until_drawn(browser)
 
 

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// For administrators: what each user holds and uses.
+import {html, useEffect, useState} from "./preact.js";
+import {get} from "./api.js";
+import {Trouble, useTitle} from "./parts.js";
+import {bytesOf, countOf} from "./words.js";
+
+const READ_MS = 5000;
+
+const limited = (value, limit, show) => `${show(value)}${limit === null ? "" : ` of ${show(limit)}`}`;
+
+/** Users of results and of running attempts: {user, results, bytes, attempts, threads, memory_mb}. */
+function usersOf({users}, workers) {
+  const all = new Map(users.map(user => [user.user, {...user, attempts: 0, threads: 0, memory_mb: 0}]));
+  for (const {owner, threads, memory_mb} of workers) {
+    const user = all.get(owner) || {user: owner, results: 0, results_limit: null, bytes: 0, bytes_limit: null, attempts: 0, threads: 0, memory_mb: 0};
+    all.set(owner, {...user, attempts: user.attempts + 1, threads: user.threads + threads, memory_mb: user.memory_mb + memory_mb});
+  }
+  return [...all.values()];
+}
+
+export function Service() {
+  const [found, setFound] = useState(null);
+  const [error, setError] = useState(null);
+  useTitle("Service");
+  useEffect(() => {
+    const read = () => document.hidden || Promise.all([get("v1/usage"), get("v1/workers")]).then(([usage, {workers}]) => {
+      setFound({usage, workers});
+      setError(null);
+    }, setError);
+    read();
+    const timer = setInterval(read, READ_MS);
+    return () => clearInterval(timer);
+  }, []);
+  const row = ({user, results, results_limit: most, bytes, bytes_limit: limit, attempts, threads, memory_mb: memory}) => html`<tr><td>${user}</td>
+    <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td>
+    <td class="number">${limited(results, most, countOf)}</td><td class="number">${limited(bytes, limit, bytesOf)}</td>
+    <td><a href=${`#/?owner=${encodeURIComponent(user)}`}>Jobs</a></td></tr>`;
+  return html`<h1>Service</h1><${Trouble} error=${error} />
+    ${!found ? !error && html`<p class="loading" role="status">Loading …</p>` : html`
+      ${found.usage.full && html`<p class="notice">The results of all jobs have reached a limit: submissions are refused. Download or delete results.</p>`}
+      <h2>Users</h2><div class="scroll" tabindex="0" role="region" aria-label="Users"><table class="users"><thead><tr><th scope="col">User</th>
+        <th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th>
+        <th scope="col" class="number">Results</th><th scope="col" class="number">Disk</th><th scope="col"><span class="hidden">Jobs</span></th></tr></thead>
+        <tbody>${usersOf(found.usage, found.workers).map(row)}</tbody></table></div>
+      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)},
+        ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>`}`;
+}
