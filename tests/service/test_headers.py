@@ -58,6 +58,10 @@ def expect_warning(report, *words):
     assert len(warnings(report)) == 1 and all(word in warnings(report)[0] for word in words), warnings(report)
 
 
+def expect_error(report, code, words):
+    assert report.get("code") == code and words in report["message"], report.get("message")
+
+
 # ---- NRRD
 
 QUIET_NRRD = ["content: a ball", "thicknesses: 0.1 0.2 0.3", "kinds: space domain space", 'labels: "x" "y" "z"',
@@ -381,6 +385,34 @@ def test_sizes_of_voxels_that_the_library_replaces(told, tmp_path, version, endi
 def test_sizes_of_voxels_that_are_none(told, tmp_path):
     write_nifti(tmp_path / "v.nii", ball(), voxel=(0.25, -0.5, 0.375))
     expect_warning(told(tmp_path / "v.nii"), "pixdim 2 is -0.5", "0.5 is used")
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("version, qfac", [(1, numpy.nan), (1, numpy.inf), (1, -numpy.inf), (2, -numpy.inf)])
+def test_a_handedness_that_is_not_finite_is_refused(told, tmp_path, version, qfac):
+    """pixdim[0], for a qform without an sform."""
+    write_nifti(tmp_path / "v.nii", ball(), version=version, quaternion=(1, 0, 0, 8, 16, -4, qfac), voxel=(0.25, 0.5, 0.375))
+    expect_error(told(tmp_path / "v.nii"), "input_damaged", "pixdim[0]")
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("factor", [1e8, 1e38])
+def test_voxels_of_very_different_sides_are_refused(told, tmp_path, axis, factor):
+    """Their parts could not be divided until they are as small as a spacing."""
+    matrix = numpy.diag([0.25, 0.5, 0.375, 1])
+    matrix[axis, axis] *= factor
+    write_nrrd(tmp_path / "v.nrrd", ball(), matrix)
+    expect_error(told(tmp_path / "v.nrrd"), "input_damaged", "the sides of its voxels")
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_volume_so_far_away_that_voxels_coincide_is_refused(told, tmp_path, axis):
+    matrix = numpy.diag([0.25, 0.5, 0.375, 1])
+    matrix[axis, 3] = -1e20
+    write_nrrd(tmp_path / "v.nrrd", ball(), matrix)
+    expect_error(told(tmp_path / "v.nrrd"), "input_damaged", "its origin")
 
 
 @pytest.mark.sanitized

@@ -615,6 +615,9 @@ static bool check_qform(answer *a, const nifti_head *h)
             a, ERROR_INPUT_DAMAGED,
             "its quatern_b, quatern_c and quatern_d are (%g, %g, %g), which is not a rotation: correct the header",
             q[0], q[1], q[2]);
+    if (!isfinite(h->qfac))
+        return refuse(a, ERROR_INPUT_DAMAGED, "its pixdim[0] is %g, and must be 1 or -1: correct the header",
+                      h->qfac);
     return (isfinite(at[0]) && isfinite(at[1]) && isfinite(at[2])) ||
            refuse(a, ERROR_INPUT_DAMAGED,
                   "its qoffset_x, qoffset_y and qoffset_z are (%g, %g, %g): correct the header", at[0], at[1],

@@ -18,6 +18,36 @@ static const int64_t largest_side = 1 << 20;
 /* And so is one with more samples; their bytes are far from the limits of 64 bits. */
 static const int64_t most_samples = (int64_t)1 << 50;
 
+/* Maximum ratio of the sides of a voxel. Larger: parts of the surface that are one spacing wide are narrower than
+ * the rounding of their coordinates. */
+static const double largest_ratio = 1e6;
+/* Maximum distance of the origin, in sides of a voxel. Larger: rounding moves samples by more than a thousandth of a
+ * side. */
+static const double farthest_origin = 1e12;
+
+/* Whether the samples have distinct positions. */
+static bool check_places(const volume_header *h, error *e)
+{
+    const double *m = h->index_to_world;
+    double shortest = INFINITY, longest = 0;
+    for (int k = 0; k < 3; k++) {
+        const double side = hypot(hypot(m[k], m[4 + k]), m[8 + k]);
+        shortest = fmin(shortest, side);
+        longest = fmax(longest, side);
+    }
+    if (longest > largest_ratio * shortest && shortest > 0)
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "the sides of its voxels are %g to %g, and a ratio of %g is read: correct its header", shortest,
+            longest, largest_ratio);
+    const double away = hypot(hypot(m[3], m[7]), m[11]);
+    return !(away > farthest_origin * shortest && shortest > 0) ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "its origin is %g away and the sides of its voxels are from %g on: their positions are "
+                     "rounded. Correct its header, or move its origin nearer to 0.",
+                     away, shortest);
+}
+
 static bool check_values(const volume_header *h, error *e)
 {
     for (int k = 0; k < 3; k++) {
@@ -53,6 +83,7 @@ static bool check_values(const volume_header *h, error *e)
             return error_set(
                 e, ERROR_INPUT_DAMAGED,
                 "the file has an orientation with numbers that are not finite: correct its header");
+    if (!check_places(h, e)) return false;
     if (!isfinite(h->slope) || !isfinite(h->intercept))
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "its values are scaled by numbers that are not finite: correct its header");
