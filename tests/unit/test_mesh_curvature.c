@@ -324,9 +324,11 @@ static void a_polynomial_has_its_own_derivatives(void **state)
             j->w[row][l] = weight * sum;
         }
     }
+    jet all[JET_LANES];
     jet_factor(j);
+    jet_solve(j, JET_DEGREE, all);
     for (int l = 0; l < JET_LANES; l++) {
-        const jet found = jet_solve(j, l, JET_DEGREE), *e = &expected[l];
+        const jet found = all[l], *e = &expected[l];
         assert_true(jet_condition(j, l, JET_DEGREE) > 0.01);
         assert_true(fabs(found.w - e->w) + fabs(found.wu - e->wu) + fabs(found.wv - e->wv) < 1e-10);
         assert_true(fabs(found.wuu - e->wuu) + fabs(found.wuv - e->wuv) + fabs(found.wvv - e->wvv) < 1e-10);

@@ -8,74 +8,97 @@
 
 /* The number of columns of degree 2 and less: 1, u, v, u^2, u v, v^2. */
 enum { UU = 3, UV, VV, SQUARES };
+/* Maximum square of the distance of a column, of norm 1, from the span of those before it that counts as 0: the
+ * rounding error of the normal equations. */
+static const double DEPENDENT = 1e-10;
 
-/* Fills in the columns: those of a degree are those of the degree before times u, and the last one times v. */
-ISA_INLINE void fill_columns(jet_lanes *j, int rows)
+/* Sums over the rows: moment[a][b] of weight^2 u^a v^b, and height[a][b] of weight w u^a v^b. The matrix of the normal
+ * equations consists of these moments. */
+typedef struct sums {
+    jet_numbers moment[2 * JET_DEGREE + 1][2 * JET_DEGREE + 1], height[JET_DEGREE + 1][JET_DEGREE + 1];
+} sums;
+
+/* Adds up `first` times v^b for the powers of u up to `most`, a constant, and multiplies `first` by v. */
+ISA_INLINE void add_up(jet_numbers *first, const jet_lanes *j, int rows, int most, jet_numbers *sum,
+                       int stride)
 {
+    jet_numbers all[2 * JET_DEGREE + 1] = {{0}};
     for (int r = 0; r < rows; r++) {
-        j->column[0][r] = j->weight[r];
-        j->column[JET_COLUMNS][r] = j->w[r];
-        for (int degree = 1, c = 1; degree <= JET_DEGREE; degree++) {
-            for (int k = 0; k < degree; k++, c++) j->column[c][r] = j->column[c - degree][r] * j->u[r];
-            j->column[c][r] = j->column[c - degree - 1][r] * j->v[r];
-            c++;
+        jet_numbers power = first[r];
+        for (int a = 0; a <= most; a++) {
+            all[a] += power;
+            power *= j->u[r];
         }
+        first[r] *= j->v[r];
     }
+    for (int a = 0; a <= most; a++) sum[a * stride] = all[a];
 }
 
-/* Scales column c to the norm 1; a column of zeros stays. */
-ISA_INLINE void normalise(jet_lanes *j, int c, int rows)
+ISA_INLINE void sum_rows(const jet_lanes *j, int rows, sums *out)
 {
-    jet_numbers sum = {0}, over;
-    for (int r = 0; r < rows; r++) sum += j->column[c][r] * j->column[c][r];
+    jet_numbers first[JET_ROWS];
+    for (int r = 0; r < rows; r++) first[r] = j->weight[r] * j->weight[r];
+#pragma GCC unroll 9
+    for (int b = 0; b <= 2 * JET_DEGREE; b++)
+        add_up(first, j, rows, 2 * JET_DEGREE - b, &out->moment[0][b], 2 * JET_DEGREE + 1);
+    for (int r = 0; r < rows; r++) first[r] = j->weight[r] * j->w[r];
+#pragma GCC unroll 5
+    for (int b = 0; b <= JET_DEGREE; b++)
+        add_up(first, j, rows, JET_DEGREE - b, &out->height[0][b], JET_DEGREE + 1);
+}
+
+/* Fills in the upper triangle of the normal equations, whose columns have the norm 1. A column of zeros stays. */
+ISA_INLINE void fill_equations(jet_lanes *j, const sums *s)
+{
+    jet_numbers over[JET_COLUMNS];
+    for (int k = 0, m = 0; m <= JET_DEGREE; m++)
+        for (int b = 0; b <= m; b++, k++) {
+            const jet_numbers square = s->moment[2 * (m - b)][2 * b];
+            for (int l = 0; l < JET_LANES; l++) {
+                j->norm[k][l] = sqrt(square[l]);
+                over[k][l] = square[l] > 0 ? 1 / j->norm[k][l] : 0;
+            }
+        }
+    for (int k = 0, m = 0; m <= JET_DEGREE; m++)
+        for (int b = 0; b <= m; b++, k++) {
+            for (int c = 0, n = 0; n <= JET_DEGREE; n++)
+                for (int d = 0; d <= n; d++, c++)
+                    if (c >= k) j->factor[k][c] = s->moment[m - b + n - d][b + d] * over[k] * over[c];
+            j->height[k] = s->height[m - b][b] * over[k];
+        }
+}
+
+/* Eliminates row k from those below it: a step of Cholesky's factorisation. The row of a column that depends on the
+ * columns before it becomes 0. */
+ISA_INLINE void eliminate(jet_lanes *j, int k)
+{
     for (int l = 0; l < JET_LANES; l++) {
-        j->norm[c][l] = sqrt(sum[l]);
-        over[l] = sum[l] > 0 ? 1 / j->norm[c][l] : 0;
+        const double pivot = j->factor[k][k][l];
+        const bool is_dependent = !(pivot > DEPENDENT);
+        j->diagonal[k][l] = is_dependent ? 0 : sqrt(pivot);
+        j->inverse[k][l] = is_dependent ? 0 : 1 / j->diagonal[k][l];
     }
-    for (int r = 0; r < rows; r++) j->column[c][r] *= over;
-}
-
-/* Columns that are reflected together: their sums are independent, which hides the latency of additions. */
-enum { TOGETHER = 5 };
-
-/* Reflects columns c .. c + count - 1 by the vector that column k contains from row k. `count` is a constant. */
-ISA_INLINE void reflect(jet_lanes *j, int k, int c, int count, int rows, const jet_numbers *scale)
-{
-    jet_numbers dot[TOGETHER] = {{0}};
-    for (int r = k; r < rows; r++)
-        for (int i = 0; i < count; i++) dot[i] += j->column[k][r] * j->column[c + i][r];
-    for (int i = 0; i < count; i++) dot[i] *= *scale;
-    for (int r = k; r < rows; r++)
-        for (int i = 0; i < count; i++) j->column[c + i][r] -= dot[i] * j->column[k][r];
-}
-
-ISA_INLINE void eliminate(jet_lanes *j, int k, int rows)
-{
-    jet_numbers sum = {0}, scale;
-    for (int r = k; r < rows; r++) sum += j->column[k][r] * j->column[k][r];
-    for (int l = 0; l < JET_LANES; l++) {
-        const double first = j->column[k][k][l], length = sqrt(sum[l]), pivot = first > 0 ? -length : length;
-        j->diagonal[k][l] = pivot;
-        j->column[k][k][l] = first - pivot;
-        scale[l] = sum[l] > 0 ? 1 / (sum[l] - first * pivot) : 0;
+    for (int c = k; c < JET_COLUMNS; c++) j->factor[k][c] *= j->inverse[k];
+    j->height[k] *= j->inverse[k];
+    for (int r = k + 1; r < JET_COLUMNS; r++) {
+        const jet_numbers by = j->factor[k][r];
+        for (int c = r; c < JET_COLUMNS; c++) j->factor[r][c] -= by * j->factor[k][c];
+        j->height[r] -= by * j->height[k];
     }
-    int c = k + 1;
-    for (; c + TOGETHER <= JET_COLUMNS + 1; c += TOGETHER) reflect(j, k, c, TOGETHER, rows, &scale);
-    for (; c <= JET_COLUMNS; c++) reflect(j, k, c, 1, rows, &scale);
 }
 
 ISA_CLONES void jet_factor(jet_lanes *j)
 {
-    const int rows = j->rows < JET_COLUMNS ? JET_COLUMNS : j->rows;
-    fill_columns(j, rows);
-    for (int c = 0; c < JET_COLUMNS; c++) normalise(j, c, rows);
-    for (int k = 0; k < JET_COLUMNS; k++) eliminate(j, k, rows);
+    sums s;
+    sum_rows(j, j->rows, &s);
+    fill_equations(j, &s);
+    for (int k = 0; k < JET_COLUMNS; k++) eliminate(j, k);
 }
 
 double jet_condition(const jet_lanes *j, int lane, int degree)
 {
     double least = INFINITY;
-    for (int k = 0; k < jet_coefficients(degree); k++) least = fmin(least, fabs(j->diagonal[k][lane]));
+    for (int k = 0; k < jet_coefficients(degree); k++) least = fmin(least, j->diagonal[k][lane]);
     return least;
 }
 
@@ -84,16 +107,20 @@ static jet jet_of(const double a[SQUARES])
     return (jet){a[0], a[1], a[2], 2 * a[UU], a[UV], 2 * a[VV]};
 }
 
-jet jet_solve(const jet_lanes *j, int lane, int degree)
+ISA_CLONES void jet_solve(const jet_lanes *j, int degree, jet out[JET_LANES])
 {
-    double a[JET_COLUMNS];
-    for (int k = jet_coefficients(degree) - 1; k >= 0; k--) {
-        double rest = j->column[JET_COLUMNS][k][lane];
-        for (int c = k + 1; c < jet_coefficients(degree); c++) rest -= j->column[c][k][lane] * a[c];
-        a[k] = rest / j->diagonal[k][lane];
+    const int columns = jet_coefficients(degree);
+    jet_numbers a[JET_COLUMNS];
+    for (int k = columns - 1; k >= 0; k--) {
+        a[k] = j->height[k];
+        for (int c = k + 1; c < columns; c++) a[k] -= j->factor[k][c] * a[c];
+        a[k] *= j->inverse[k];
     }
-    for (int k = 0; k < SQUARES; k++) a[k] /= j->norm[k][lane];
-    return jet_of(a);
+    for (int l = 0; l < JET_LANES; l++) {
+        double own[SQUARES];
+        for (int k = 0; k < SQUARES; k++) own[k] = a[k][l] / j->norm[k][l];
+        out[l] = jet_of(own);
+    }
 }
 
 /* ---- strips */
@@ -105,16 +132,15 @@ static void least_known(const jet_lanes *j, int lane, double direction[2])
     static const double tiny = 1e-12; /* instead of a diagonal element of 0 */
     enum { ITERATIONS = 8 };
     double x[SQUARES] = {1, 1, 1, 1, 1, 1}, pivot[SQUARES];
-    for (int k = 0; k < SQUARES; k++)
-        pivot[k] = copysign(fmax(fabs(j->diagonal[k][lane]), tiny), j->diagonal[k][lane]);
+    for (int k = 0; k < SQUARES; k++) pivot[k] = fmax(j->diagonal[k][lane], tiny);
     for (int step = 0; step < ITERATIONS; step++) {
         double size = 0;
         for (int k = 0; k < SQUARES; k++) {
-            for (int i = 0; i < k; i++) x[k] -= j->column[k][i][lane] * x[i];
+            for (int i = 0; i < k; i++) x[k] -= j->factor[i][k][lane] * x[i];
             x[k] /= pivot[k];
         }
         for (int k = SQUARES - 1; k >= 0; k--) {
-            for (int c = k + 1; c < SQUARES; c++) x[k] -= j->column[c][k][lane] * x[c];
+            for (int c = k + 1; c < SQUARES; c++) x[k] -= j->factor[k][c][lane] * x[c];
             x[k] /= pivot[k];
             size = fmax(size, fabs(x[k]));
         }

@@ -2,6 +2,7 @@
 #include "surface/triangles/mesh_curvature.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -141,9 +142,10 @@ typedef struct visited {
 typedef struct neighbourhood {
     const mesh_curvature *c;
     vec3 normal;
-    int count, listed;                       /* corners; those whose neighbours are in the list */
-    visited vertex[VISITED];                 /* the first one is that of the site */
-    uint32_t slot[SLOTS], stamp[SLOTS], now; /* a slot is in use if its stamp is `now` */
+    int count, listed;       /* corners; those whose neighbours are in the list */
+    visited vertex[VISITED]; /* the first one is that of the site */
+    uint64_t slot[SLOTS];    /* `now` and a vertex; with another `now`: free */
+    uint32_t now;
 } neighbourhood;
 
 /* The slot of a vertex, or the free slot at which it belongs. */
@@ -151,7 +153,7 @@ static uint32_t slot_of(const neighbourhood *n, uint32_t vertex)
 {
     static const uint32_t golden = 2654435769u; /* Knuth's multiplicative hash */
     uint32_t at = (vertex * golden) >> SLOT_SHIFT;
-    while (n->stamp[at] == n->now && n->slot[at] != vertex) at = (at + 1) % SLOTS;
+    while (n->slot[at] >> 32 == n->now && (uint32_t)n->slot[at] != vertex) at = (at + 1) % SLOTS;
     return at;
 }
 
@@ -159,15 +161,14 @@ static uint32_t slot_of(const neighbourhood *n, uint32_t vertex)
 static bool is_listed(const neighbourhood *n, uint32_t vertex, uint32_t *slot)
 {
     *slot = slot_of(n, vertex);
-    return n->stamp[*slot] == n->now;
+    return n->slot[*slot] >> 32 == n->now;
 }
 
 /* Adds a vertex at a free slot, unless the list is full. */
 static void visit(neighbourhood *n, uint32_t slot, visited v)
 {
     if (n->count == VISITED) return;
-    n->stamp[slot] = n->now;
-    n->slot[slot] = v.vertex;
+    n->slot[slot] = (uint64_t)n->now << 32 | v.vertex;
     n->vertex[n->count++] = v;
 }
 
@@ -184,8 +185,7 @@ static bool is_facing(const neighbourhood *n, uint32_t triangle, bool is_reverse
 static void visit_end(neighbourhood *n, const sector_step *at, bool is_reversed)
 {
     const smooth_sides *s = &n->c->sides;
-    const uint32_t *t = s->m->triangle[at->triangle];
-    const int k = t[0] == at->far ? 0 : t[1] == at->far ? 1 : 2;
+    const int k = sector_far_corner(at);
     uint32_t slot;
     if (is_listed(n, at->far, &slot)) return;
     visited v = {at->far, at->triangle, (uint8_t)k, is_reversed};
@@ -268,7 +268,9 @@ static frame frame_of(const neighbourhood *n)
         ab += a * b;
         bb += b * b;
     }
-    const double turn = 0.5 * atan2(2 * ab, aa - bb), c = cos(turn), s = sin(turn);
+    /* c and s: of half the angle whose tangent is 2 ab / (aa - bb) */
+    const double size = sqrt((aa - bb) * (aa - bb) + 4 * ab * ab), cosine = size > 0 ? (aa - bb) / size : 1,
+                 c = sqrt(fmax(0.5 * (1 + cosine), 0)), s = copysign(sqrt(fmax(0.5 * (1 - cosine), 0)), ab);
     const vec3 u = f.u;
     f.unit = sqrt((aa + bb) / fmax(n->count - 1, 1));
     f.u = vec3_axpy(s, f.v, vec3_scale(u, c));
@@ -292,8 +294,6 @@ static void fill_lane(const neighbourhood *n, const frame *f, int lane, jet_lane
         j->weight[r][lane] = near * near;
         j->w[r][lane] = j->weight[r][lane] * vec3_dot(d, f->n);
     }
-    for (int r = rows; r < JET_ROWS; r++)
-        j->u[r][lane] = j->v[r][lane] = j->w[r][lane] = j->weight[r][lane] = 0;
     if (rows > j->rows) j->rows = rows;
 }
 
@@ -335,17 +335,15 @@ static int least_corners(const attempt *how)
 }
 
 /* Takes the fit of a lane, if it is good enough. */
-static bool take_lane(const jet_lanes *j, int lane, int corners, const attempt *how, const frame *f,
-                      site *out)
+static bool take_lane(const jet_lanes *j, int lane, jet found, int corners, const attempt *how,
+                      const frame *f, site *out)
 {
-    jet found;
     const int most = corners < JET_ROWS ? corners : JET_ROWS;
     if (how->is_strip) {
         if (!jet_solve_strip(j, lane, how->degree, LEAST_CONDITION, &found)) return false;
     } else {
         const int least = how->degree > 2 ? least_corners(how) : jet_coefficients(how->degree);
         if (most < least || !(jet_condition(j, lane, how->degree) >= LEAST_CONDITION)) return false;
-        found = jet_solve(j, lane, how->degree);
     }
     out->value = value_of(&found, f);
     return out->value.defined;
@@ -356,21 +354,23 @@ static int fit_lanes(mesh_curvature *c, neighbourhood *n, jet_lanes *j, const at
                      int count)
 {
     frame f[JET_LANES] = {{.unit = 0}};
+    jet found[JET_LANES];
     int corners[JET_LANES], left = 0;
-    j->rows = 0;
-    for (int l = 0; l < JET_LANES; l++) {
-        const site *of = &c->site[list[l < count ? l : 0]];
+    memset(j, 0, offsetof(jet_lanes, factor));
+    for (int l = 0; l < count; l++) {
+        const site *of = &c->site[list[l]];
         n->normal = of->value.normal;
         begin_neighbourhood(n, of);
-        if (l < count) grow(n, least_corners(how), how->further);
+        grow(n, least_corners(how), how->further);
         f[l] = frame_of(n);
         corners[l] = f[l].unit > 0 ? n->count : 0;
         if (corners[l] == 0) n->count = 0;
         fill_lane(n, &f[l], l, j);
     }
     jet_factor(j);
+    jet_solve(j, how->degree, found);
     for (int l = 0; l < count; l++)
-        if (corners[l] == 0 || !take_lane(j, l, corners[l], how, &f[l], &c->site[list[l]]))
+        if (corners[l] == 0 || !take_lane(j, l, found[l], corners[l], how, &f[l], &c->site[list[l]]))
             list[left++] = list[l];
     return left;
 }

@@ -17,7 +17,7 @@ static const double FLAT_ANGLE = 3e-4;
 static const double STRAIGHT = 1e-3;
 /* SECTOR_MOST: maximum number of triangles of a sector that are visited: an apex may have any number. GRAIN:
  * triangles or vertices of a task. CHAIN_MOST: maximum number of sides between two corners of a facet. */
-enum { SECTOR_MOST = 4096, CHAIN_MOST = 1 << 24, GRAIN = 4096, FIRST_COPLANAR = 1, FIRST_CREASE = 8 };
+enum { SECTOR_MOST = 4096, CHAIN_MOST = 1 << 24, GRAIN = 4096 };
 
 #define NO_TRIANGLE UINT32_MAX
 
@@ -84,12 +84,10 @@ static bool is_in_plane(const marking *k, vec3 normal, vec3 through, vec3 x)
     return up * up <= k->reach * k->reach * vec3_norm2(normal);
 }
 
-/* The corner of a triangle that is not at a side, and whether the triangle has the side from a to b. */
-static uint32_t opposite(const uint32_t *t, uint32_t a, uint32_t b, bool *is_ahead)
+/* The corner of a triangle that is not at its side between a and b. */
+static unsigned opposite(const uint32_t *t, uint32_t a, uint32_t b)
 {
-    const int k = t[0] != a && t[0] != b ? 0 : t[1] != a && t[1] != b ? 1 : 2;
-    *is_ahead = t[k < 2 ? k + 1 : 0] == a;
-    return t[k];
+    return t[0] != a && t[0] != b ? 0 : t[1] != a && t[1] != b ? 1 : 2;
 }
 
 /* The bits of side k of triangle n with the normal `own`. The same for both triangles of a side, to the last bit. */
@@ -97,20 +95,22 @@ static unsigned bits_of(const marking *job, size_t n, int k, vec3 own)
 {
     const smooth_sides *s = job->s;
     const uint32_t next = s->beside[n][k];
-    if (next == NO_TRIANGLE) return FIRST_CREASE;
+    if (next == NO_TRIANGLE) return SMOOTH_SIDES_CREASE;
     const uint32_t *t = s->m->triangle[n], a = t[k], b = t[k < 2 ? k + 1 : 0], far = t[k > 0 ? k - 1 : 2];
     const vec3 *v = s->m->vertex, other = cross_of(s->m, next);
-    bool is_reversed;
-    const uint32_t across = opposite(s->m->triangle[next], a, b, &is_reversed);
+    const uint32_t *u = s->m->triangle[next];
+    const unsigned across = opposite(u, a, b), shared = (across + 1) % 3;
+    const bool is_reversed = u[shared] == a;
+    const unsigned bits = shared | (is_reversed ? SMOOTH_SIDES_REVERSED : 0);
     const double cosine = (is_reversed ? -1 : 1) * vec3_dot(own, other),
                  sine = vec3_norm(vec3_cross(own, other));
-    if (isfinite(job->crease) && !(sine <= job->crease * cosine)) return FIRST_CREASE;
-    if (!(cosine > 0)) return 0;
+    if (isfinite(job->crease) && !(sine <= job->crease * cosine)) return SMOOTH_SIDES_CREASE;
+    if (!(cosine > 0)) return bits;
     const vec3 common = v[a < b ? a : b];
-    return sine <= FLAT_ANGLE * cosine || is_in_plane(job, own, common, v[across]) ||
+    return sine <= FLAT_ANGLE * cosine || is_in_plane(job, own, common, v[u[across]]) ||
                    is_in_plane(job, other, common, v[far])
-               ? FIRST_COPLANAR
-               : 0;
+               ? bits | SMOOTH_SIDES_COPLANAR
+               : bits;
 }
 
 static void mark_chunk(void *context, int worker, size_t begin, size_t end)
@@ -119,9 +119,7 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const vec3 own = cross_of(job->s->m, n);
-        unsigned bits = 0;
-        for (int k = 0; k < 3; k++) bits |= bits_of(job, n, k, own) << k;
-        job->s->bits[n] = (uint8_t)bits;
+        for (int k = 0; k < 3; k++) job->s->bits[n][k] = (uint8_t)bits_of(job, n, k, own);
     }
 }
 
@@ -195,8 +193,7 @@ bool sector_is_corner(const smooth_sides *s, uint32_t triangle, int corner)
 sector_step sector_follow(const smooth_sides *s, sector_step at)
 {
     for (int step = 0; step < CHAIN_MOST; step++) {
-        const uint32_t *t = s->m->triangle[at.triangle];
-        const int k = t[0] == at.far ? 0 : t[1] == at.far ? 1 : 2;
+        const int k = sector_far_corner(&at);
         const bool begins_here = at.side == k, is_reversed = at.is_reversed;
         /* at `far`, the other side of the triangle */
         at = sector_begin(s, at.triangle, k, !begins_here);

@@ -18,11 +18,14 @@ typedef struct smooth_sides {
     const mesh *m;
     /* per triangle: the triangle across the side from corner k; UINT32_MAX: none */
     const uint32_t (*beside)[3];
-    /* per triangle: bit k: coplanar with the triangle across the side from corner k; bit 3 + k: that side is a
-     * crease */
-    uint8_t *bits;
+    /* per triangle and side, the one from corner k to the next: bits 0, 1: the number of the side in the triangle
+     * across it; SMOOTH_SIDES_... */
+    uint8_t (*bits)[3];
     uint32_t (*own)[3]; /* `beside`, if it was not given */
 } smooth_sides;
+
+/* The triangle across a side is oriented against this one; it is coplanar with it; the side is a crease. */
+enum { SMOOTH_SIDES_REVERSED = 4, SMOOTH_SIDES_COPLANAR = 8, SMOOTH_SIDES_CREASE = 16 };
 
 /* `m` is not owned, nor is `beside`, if it is not NULL. Sides with a larger dihedral angle than `crease`
  * (radians, below pi / 2, or INFINITY: none) are creases. Free *out with smooth_sides_free, also after failure. Errors: limit_memory, cancelled. */
@@ -32,18 +35,19 @@ void smooth_sides_free(smooth_sides *s);
 
 static inline bool smooth_sides_is_crease(const smooth_sides *s, uint32_t triangle, int side)
 {
-    return s->bits[triangle] >> (3 + side) & 1;
+    return s->bits[triangle][side] & SMOOTH_SIDES_CREASE;
 }
 
 static inline bool smooth_sides_is_coplanar(const smooth_sides *s, uint32_t triangle, int side)
 {
-    return s->bits[triangle] >> side & 1;
+    return s->bits[triangle][side] & SMOOTH_SIDES_COPLANAR;
 }
 
 /* Whether the triangle is coplanar with any of its neighbours. */
 static inline bool smooth_sides_has_coplanar(const smooth_sides *s, uint32_t triangle)
 {
-    return s->bits[triangle] & 7;
+    const uint8_t *bits = s->bits[triangle];
+    return (bits[0] | bits[1] | bits[2]) & SMOOTH_SIDES_COPLANAR;
 }
 
 /* A triangle of a sector, and one of its two sides at the vertex of the sector. */
@@ -70,16 +74,23 @@ static inline bool sector_is_coplanar(const smooth_sides *s, const sector_step *
     return smooth_sides_is_coplanar(s, at->triangle, at->side);
 }
 
+/* The corner of the triangle at the side's other end. */
+static inline int sector_far_corner(const sector_step *at)
+{
+    return at->side != at->corner ? at->side : at->side < 2 ? at->side + 1 : 0;
+}
+
 /* Goes to the triangle across the side, and to its other side. False, with *at unchanged: the side is a crease. */
 static inline bool sector_next(const smooth_sides *s, sector_step *at)
 {
-    const uint32_t next = s->beside[at->triangle][at->side], v = s->m->triangle[at->triangle][at->corner];
-    if (smooth_sides_is_crease(s, at->triangle, at->side)) return false;
-    const uint32_t *t = s->m->triangle[next];
-    const int k = t[0] == v ? 0 : t[1] == v ? 1 : 2, ahead = k < 2 ? k + 1 : 0, behind = k > 0 ? k - 1 : 2;
-    const bool was_ahead = at->side == at->corner, is_ahead = t[ahead] == at->far;
-    *at = (sector_step){next, t[is_ahead ? behind : ahead], (uint8_t)k, (uint8_t)(is_ahead ? behind : k),
-                        at->is_reversed != (was_ahead == is_ahead)};
+    static const uint8_t after[] = {1, 2, 0, 1, 2};
+    const unsigned bits = s->bits[at->triangle][at->side], shared = bits & 3;
+    if (bits & SMOOTH_SIDES_CREASE) return false;
+    const bool is_against = bits & SMOOTH_SIDES_REVERSED, is_ahead = (at->side == at->corner) != is_against;
+    const uint32_t next = s->beside[at->triangle][at->side];
+    const uint8_t corner = is_ahead ? after[shared] : (uint8_t)shared;
+    *at = (sector_step){next, s->m->triangle[next][after[shared + 1]], corner,
+                        is_ahead ? corner : after[shared + 1], at->is_reversed != is_against};
     return true;
 }
 
