@@ -27,6 +27,7 @@ typedef struct leaf {
     double offset;
     triangle_tree *tree; /* of triangles that have no tree yet; or NULL */
     mesh_curvature *curvature;
+    uint32_t (*beside)[3]; /* of mesh_surface_neighbours; or NULL */
 } leaf;
 
 /* The place of a point. */
@@ -119,9 +120,9 @@ static bool make_trees(finding *f, error *e)
 static bool prepare_mesh(leaf *l, threads *pool, error *e)
 {
     const mesh_surface *s = l->part->mesh;
-    const bool is_given = s && !is_uncut(l);
-    l->curvature = mesh_curvature_new(l->m, is_given ? mesh_surface_neighbours(s) : NULL,
-                                      s ? mesh_surface_crease(s) : MESH_PATCHES_ANGLE, pool, e);
+    const uint32_t(*beside)[3] = NULL;
+    if (s && !is_uncut(l) && !(beside = mesh_surface_neighbours(s, &l->beside, e))) return false;
+    l->curvature = mesh_curvature_new(l->m, beside, s ? mesh_surface_crease(s) : MESH_PATCHES_ANGLE, pool, e);
     return l->curvature != NULL;
 }
 
@@ -130,6 +131,7 @@ static void close_leaf(leaf *l)
     free(l->outer);
     triangle_tree_free(l->tree);
     mesh_curvature_free(l->curvature);
+    free(l->beside);
 }
 
 /* ---- places */

@@ -144,6 +144,7 @@ typedef struct neighbourhood {
     vec3 normal;
     int count, listed;       /* corners; those whose neighbours are in the list */
     visited vertex[VISITED]; /* the first one is that of the site */
+    vec3 local[VISITED];     /* the corners in the frame, in units of it */
     uint64_t slot[SLOTS];    /* `now` and a vertex; with another `now`: free */
     uint32_t now;
 } neighbourhood;
@@ -254,19 +255,20 @@ typedef struct frame {
 } frame;
 
 /* Turns u and v to the principal axes of the corners: the monomials of a neighbourhood that is longer than wide are
- * then as independent as those of a round one. */
-static frame frame_of(const neighbourhood *n)
+ * then as independent as those of a round one. Sets `local`. */
+static frame frame_of(neighbourhood *n)
 {
     const vec3 *at = n->c->sides.m->vertex;
     frame f = {.n = n->normal};
     double aa = 0, ab = 0, bb = 0;
     vec3_frame(f.n, &f.u, &f.v);
-    for (int k = 1; k < n->count; k++) {
+    for (int k = 0; k < n->count; k++) {
         const vec3 d = vec3_sub(at[n->vertex[k].vertex], at[n->vertex[0].vertex]);
-        const double a = vec3_dot(d, f.u), b = vec3_dot(d, f.v);
-        aa += a * a;
-        ab += a * b;
-        bb += b * b;
+        const vec3 x = {vec3_dot(d, f.u), vec3_dot(d, f.v), vec3_dot(d, f.n)};
+        aa += x.x * x.x;
+        ab += x.x * x.y;
+        bb += x.y * x.y;
+        n->local[k] = x;
     }
     /* c and s: of half the angle whose tangent is 2 ab / (aa - bb) */
     const double size = sqrt((aa - bb) * (aa - bb) + 4 * ab * ab), cosine = size > 0 ? (aa - bb) / size : 1,
@@ -275,24 +277,27 @@ static frame frame_of(const neighbourhood *n)
     f.unit = sqrt((aa + bb) / fmax(n->count - 1, 1));
     f.u = vec3_axpy(s, f.v, vec3_scale(u, c));
     f.v = vec3_axpy(-s, u, vec3_scale(f.v, c));
+    const double over = f.unit > 0 ? 1 / f.unit : 0;
+    for (int k = 0; k < n->count; k++) {
+        const vec3 x = vec3_scale(n->local[k], over);
+        n->local[k] = (vec3){c * x.x + s * x.y, c * x.y - s * x.x, x.z};
+    }
     return f;
 }
 
 /* Fills in a lane; of more corners than rows, takes as many, evenly distributed in the list. The weight of a corner
  * at the distance d from the vertex is 1 / (1 + (d / unit)^2)^2: near corners matter most, so that the fit may have
  * more rows than coefficients where the surface bends within the neighbourhood. */
-static void fill_lane(const neighbourhood *n, const frame *f, int lane, jet_lanes *j)
+static void fill_lane(const neighbourhood *n, int lane, jet_lanes *j)
 {
-    const vec3 *at = n->c->sides.m->vertex;
     const int rows = n->count < JET_ROWS ? n->count : JET_ROWS;
     for (int r = 0; r < rows; r++) {
-        const int k = (int)((int64_t)r * n->count / rows);
-        const vec3 d = vec3_scale(vec3_sub(at[n->vertex[k].vertex], at[n->vertex[0].vertex]), 1 / f->unit);
-        j->u[r][lane] = vec3_dot(d, f->u);
-        j->v[r][lane] = vec3_dot(d, f->v);
+        const vec3 d = n->local[r * n->count / rows];
+        j->u[r][lane] = d.x;
+        j->v[r][lane] = d.y;
         const double near = 1 / (1 + vec3_norm2(d));
         j->weight[r][lane] = near * near;
-        j->w[r][lane] = j->weight[r][lane] * vec3_dot(d, f->n);
+        j->w[r][lane] = j->weight[r][lane] * d.z;
     }
     if (rows > j->rows) j->rows = rows;
 }
@@ -365,7 +370,7 @@ static int fit_lanes(mesh_curvature *c, neighbourhood *n, jet_lanes *j, const at
         f[l] = frame_of(n);
         corners[l] = f[l].unit > 0 ? n->count : 0;
         if (corners[l] == 0) n->count = 0;
-        fill_lane(n, &f[l], l, j);
+        fill_lane(n, l, j);
     }
     jet_factor(j);
     jet_solve(j, how->degree, found);

@@ -917,9 +917,29 @@ const mesh *mesh_surface_given(const mesh_surface *s)
     return &s->given;
 }
 
-const uint32_t (*mesh_surface_neighbours(const mesh_surface *s))[3]
+const uint32_t (*mesh_surface_neighbours(const mesh_surface *s, uint32_t (**own_list)[3], error *e))[3]
 {
-    return s->whole ? NULL : (const uint32_t(*)[3])s->beside;
+    *own_list = NULL;
+    if (!s->whole) return (const uint32_t(*)[3])s->beside;
+    const size_t count = s->given.triangle_count;
+    uint32_t(*out)[3] = mem_array(count, sizeof *out, what, e);
+    if (!out) return NULL;
+    for (size_t n = 0; n < count; n++)
+        for (int k = 0; k < 3; k++) out[n][k] = NO_TRIANGLE;
+    for (size_t n = 0; n < s->mesh.m.triangle_count; n++)
+        for (int k = 0; k < 3; k++) {
+            const uint32_t across = s->beside[n][k], own = s->whole[n];
+            if (across == NO_TRIANGLE || s->whole[across] == own) continue;
+            /* the side of `own` whose opposite corner is not of the other one */
+            const uint32_t other = s->whole[across], *t = s->given.triangle[own],
+                           *u = s->given.triangle[other];
+            for (int side = 0; side < 3; side++) {
+                const uint32_t far = t[(side + 2) % 3];
+                if (u[0] != far && u[1] != far && u[2] != far) out[own][side] = other;
+            }
+        }
+    *own_list = out;
+    return (const uint32_t(*)[3])out;
 }
 
 double mesh_surface_crease(const mesh_surface *s)

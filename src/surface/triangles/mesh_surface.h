@@ -33,8 +33,8 @@ const mesh_patches *mesh_surface_patches(const mesh_surface *s);
 size_t mesh_surface_triangles(const mesh_surface *s);
 const mesh *mesh_surface_given(const mesh_surface *s);
 /* Per triangle of mesh_surface_given: the triangle across the side from corner k, UINT32_MAX: the patch ends there.
- * NULL: they are not known. */
-const uint32_t (*mesh_surface_neighbours(const mesh_surface *s))[3];
+ * *own: an array that the caller frees after use, or NULL. Error: limit_memory, NULL. */
+const uint32_t (*mesh_surface_neighbours(const mesh_surface *s, uint32_t (**own)[3], error *e))[3];
 /* The dihedral angle, in radians, above which sides of triangles within a patch are creases: INFINITY if the mesh
  * has feature edges, where patches end. */
 double mesh_surface_crease(const mesh_surface *s);

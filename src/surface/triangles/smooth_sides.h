@@ -83,14 +83,14 @@ static inline int sector_far_corner(const sector_step *at)
 /* Goes to the triangle across the side, and to its other side. False, with *at unchanged: the side is a crease. */
 static inline bool sector_next(const smooth_sides *s, sector_step *at)
 {
-    static const uint8_t after[] = {1, 2, 0, 1, 2};
+    static const uint8_t modulo3[] = {0, 1, 2, 0, 1};
     const unsigned bits = s->bits[at->triangle][at->side], shared = bits & 3;
     if (bits & SMOOTH_SIDES_CREASE) return false;
-    const bool is_against = bits & SMOOTH_SIDES_REVERSED, is_ahead = (at->side == at->corner) != is_against;
+    const bool is_against = bits & SMOOTH_SIDES_REVERSED;
+    const unsigned ahead = (at->side == at->corner) != is_against; /* the new side begins at the corner */
     const uint32_t next = s->beside[at->triangle][at->side];
-    const uint8_t corner = is_ahead ? after[shared] : (uint8_t)shared;
-    *at = (sector_step){next, s->m->triangle[next][after[shared + 1]], corner,
-                        is_ahead ? corner : after[shared + 1], at->is_reversed != is_against};
+    *at = (sector_step){next, s->m->triangle[next][modulo3[shared + 2]], modulo3[shared + ahead],
+                        modulo3[shared + 2 - ahead], at->is_reversed != is_against};
     return true;
 }
 
