@@ -212,7 +212,8 @@ static facets_item describe_item(const facets *f, uint32_t item)
 {
     item_bounds b;
     bound_item(f, item, (vec3){0, 0, 0}, 0, &b);
-    return (facets_item){b.centre, b.radius, b.area, patch_of_item(f, item)};
+    return (facets_item){
+        b.centre, b.radius, b.area, b.normal, patch_of_item(f, item), piece_of_item(f, item)};
 }
 
 facets_item facets_item_at(const facets *f, size_t k)
@@ -225,9 +226,8 @@ size_t facets_total(const facets *f)
     return f->in.triangle_count > 0 ? f->in.triangle_count : f->in.scan->cells;
 }
 
-facets_item facets_any_item(const facets *f, size_t k, uint32_t *piece)
+facets_item facets_any_item(const facets *f, size_t k)
 {
-    *piece = piece_of_item(f, (uint32_t)k);
     return describe_item(f, (uint32_t)k);
 }
 
@@ -352,12 +352,11 @@ typedef struct choice {
 /* The end of a group of cells that are not needed; `item` if it has none. */
 static size_t group_end(const facets *f, const choice *c, size_t item)
 {
-    vec3 middle;
-    double radius;
+    facets_item all = {.piece = FACETS_MIXED};
     size_t end;
-    const bool group =
-        c->need && f->in.triangle_count == 0 && surface_cell_group(f->in.scan, item, &end, &middle, &radius);
-    return group && !c->need(c->context, middle, radius) ? end : item;
+    const bool group = c->need && f->in.triangle_count == 0 &&
+                       surface_cell_group(f->in.scan, item, &end, &all.centre, &all.radius);
+    return group && !c->need(c->context, &all) ? end : item;
 }
 
 /* Chooses the items that have area, and are needed. */
@@ -375,7 +374,7 @@ static void choose_items(const facets *f, choice *c)
             }
         }
         const facets_item item = describe_item(f, (uint32_t)k);
-        if (!(item.area > 0) || (c->need && !c->need(c->context, item.centre, item.radius))) continue;
+        if (!(item.area > 0) || (c->need && !c->need(c->context, &item))) continue;
         c->kept[c->count] = (uint32_t)k;
         c->middle[c->count++] = item.centre;
     }

@@ -69,27 +69,29 @@ typedef struct facet {
  * must outlive *out. Free *out also after failure. Errors: no_surface (area 0), limit_memory. */
 bool facets_open(const facets_input *in, facets *out, error *e);
 
-/* Which items a hierarchy contains: false if no item in a sphere is needed. Called by one thread. */
-typedef bool (*facets_need)(const void *context, vec3 centre, double radius);
+/* An item: a sphere around it, and its area. */
+typedef struct facets_item {
+    vec3 centre;
+    double radius, area;
+    vec3 normal; /* unit, of a triangle of a mesh; of a grid cell 0 */
+    uint32_t patch, piece;
+} facets_item;
+
+/* Which items a hierarchy contains: false if the item is not needed. Called by one thread. Groups of grid cells
+ * are asked for at once. */
+typedef bool (*facets_need)(const void *context, const facets_item *item);
 
 /* Builds the hierarchy, in place of an earlier one. `need` NULL: of all items. Queries find only items of the
  * hierarchy, which may be empty. Errors: limit_memory, cancelled. */
 bool facets_build(facets *f, facets_need need, const void *context, threads *pool, error *e);
 void facets_free(facets *f); /* accepts a zeroed object */
 
-/* An item: a sphere around it, and its area. */
-typedef struct facets_item {
-    vec3 centre;
-    double radius, area;
-    uint32_t patch;
-} facets_item;
-
 /* The item at place k of the order. */
 facets_item facets_item_at(const facets *f, size_t k);
 
 /* The items of the surface, also those that are not in the hierarchy: their number, and the k-th of them. */
 size_t facets_total(const facets *f);
-facets_item facets_any_item(const facets *f, size_t k, uint32_t *piece);
+facets_item facets_any_item(const facets *f, size_t k);
 
 /* Computes the triangles with area of the item at place k of the order; returns their number. */
 int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES]);

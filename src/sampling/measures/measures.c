@@ -491,10 +491,10 @@ static void count_requested(const measures_input *in, const facets *f, const boo
         return;
     }
     for (size_t k = 0; k < facets_total(f); k++) {
-        uint32_t piece;
-        const facets_item item = facets_any_item(f, k, &piece);
-        if (has[piece]) continue;
-        requested[piece] += item.area / packing_cell_area(in->spacing_at(in->spacing_context, item.centre));
+        const facets_item item = facets_any_item(f, k);
+        if (has[item.piece]) continue;
+        requested[item.piece] +=
+            item.area / packing_cell_area(in->spacing_at(in->spacing_context, item.centre));
     }
 }
 

@@ -72,6 +72,15 @@ ISA_INLINE double bend_factor(vec3 u, vec3 m, vec3 p, vec3 v, vec3 n, vec3 q, do
     return (4 * four / twice - 1) / 3;
 }
 
+/* The length of the side from the middle of a curve to a corner, to the second order: an arc of a circle. `turn`: the
+ * third normal of the triangle minus the mean of those at the ends of the curve. The corner is at a third of the way
+ * to that normal; noise of the normals enters less than by their angles with the side. */
+ISA_INLINE double side_length(vec3 side, vec3 turn)
+{
+    const double bend = vec3_dot(turn, side) / 3;
+    return sqrt(vec3_norm2(side) + bend * bend / 12);
+}
+
 /* What the triangles of the point and two consecutive neighbours add to its cell: an area (`bend` of it by the bend of
  * the surface), the distance of a corner, and the halves of the sides to the first and the second neighbour. */
 typedef struct shares {
@@ -105,8 +114,10 @@ ISA_CLONES static void compute_shares(const neighbours_around *restrict in, vec3
         out->bend[k] = flat * (bend_factor(u, m, p, v, n, q, twice) - 1);
         out->area[k] = flat + out->bend[k];
         out->farthest[k] = vec3_norm(corner);
-        out->first[k] = copysign(vec3_norm(vec3_sub(corner, p)), at_v);
-        out->second[k] = copysign(vec3_norm(vec3_sub(corner, q)), at_u);
+        const vec3 third_p = vec3_axpy(-0.5, vec3_add(normal, m), n),
+                   third_q = vec3_axpy(-0.5, vec3_add(normal, n), m);
+        out->first[k] = copysign(side_length(vec3_sub(corner, p), third_p), at_v);
+        out->second[k] = copysign(side_length(vec3_sub(corner, q), third_q), at_u);
     }
 }
 

@@ -41,7 +41,8 @@ typedef struct planar_cell {
     float growth2; /* sum of the squares of the change of spacing per distance */
     uint16_t bend; /* what the bend of the surface adds to the area, over PLANAR_BEND */
     uint8_t degree;
-    bool certain; /* if not, all other members are 0 */
+    bool certain : 1;  /* if not, all other members but `measured` are 0 */
+    bool measured : 1; /* computed from the triangles of the surface */
 } planar_cell;
 
 /* Computes the cell of the partition's own point `at`, and if it is certain its area. `piece`: of each point of the

@@ -34,6 +34,10 @@ enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
 static const double LEAST_AREA = 1e-13;
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
 static const double MARGIN = 1e-9;
+/* No place of a certain cell is farther from its point than its farthest corner times the first value, nor has a
+ * normal whose cosine with that of the point is below the second (45 degrees; between neighbours it is at least 0.8).
+ * Smaller tolerances withdraw cells where coarse triangles replace a smooth surface. */
+static const double CERTAIN_MARGIN = 1.1, CERTAIN_COSINE = 0.7;
 /* Marks an edge of the triangle itself, instead of the index of the point beyond a bisector. */
 #define NO_SITE UINT32_MAX
 
@@ -59,6 +63,8 @@ typedef struct task {
     size_t area_count, area_room;
     voronoi_side *side;
     size_t side_count, side_room;
+    uint32_t *exceeded; /* certain cells, also more than once */
+    size_t exceeded_count, exceeded_room;
     double missing;
     bool failed;
     error why;
@@ -137,11 +143,18 @@ static bool add_area(descent *d, uint32_t site, double area)
     return true;
 }
 
+/* Whether a cell is not to be computed. */
+static bool is_done(const planar_cell *known, uint32_t site)
+{
+    return known && (known[site].certain || known[site].measured);
+}
+
 /* Adds a side of the cell of `site`, unless it is added for the cell behind it. */
 static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
 {
     task *t = d->to;
-    if (behind < site && !(d->known && d->known[behind].certain)) return true;
+    if (d->known && d->known[behind].measured) return true;
+    if (behind < site && !is_done(d->known, behind)) return true;
     const uint32_t a = behind < site ? behind : site, b = behind < site ? site : behind;
     voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
@@ -150,11 +163,29 @@ static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
     return true;
 }
 
+/* Records a certain cell if it contains a place, of triangle `of`, that is too far from its point or turned from its
+ * normal. `square`: of the distance. */
+static bool check_certain(descent *d, uint32_t site, double square, const facet *of)
+{
+    task *t = d->to;
+    if (!d->known || !d->known[site].certain) return true;
+    const double most = CERTAIN_MARGIN * (double)d->known[site].farthest;
+    if (square <= most * most && sites_facing(d->s, site, of->normal, of->patch) >= CERTAIN_COSINE)
+        return true;
+    if (t->exceeded_count > 0 && t->exceeded[t->exceeded_count - 1] == site) return true;
+    uint32_t *grown =
+        mem_grow(t->exceeded, t->exceeded_count, &t->exceeded_room, sizeof *grown, what, &t->why);
+    if (!grown) return fail(t);
+    t->exceeded = grown;
+    t->exceeded[t->exceeded_count++] = site;
+    return true;
+}
+
 /* Whether there are candidates from `base` on, and the cells of all of them are known. */
 static bool is_known(const descent *d, size_t base, size_t count)
 {
     bool known = d->known && count > 0;
-    for (size_t k = base; known && k < base + count; k++) known = d->known[d->list[k]].certain;
+    for (size_t k = base; known && k < base + count; k++) known = is_done(d->known, d->list[k]);
     return known;
 }
 
@@ -425,7 +456,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
 {
     const uint32_t site = d->list[base + own];
     polygon p;
-    if (d->known && d->known[site].certain) return true;
+    if (is_done(d->known, site)) return true;
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
     const double area = polygon_area(&p);
@@ -434,8 +465,10 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     if (!add_area(d, site, area)) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE) continue;
-        const double length = vec3_norm(vec3_sub(p.corner[k + 1 < p.count ? k + 1 : 0], p.corner[k]));
-        if (!add_side(d, site, p.behind[k], length)) return false;
+        const vec3 from = p.corner[k], to = p.corner[k + 1 < p.count ? k + 1 : 0];
+        if (!add_side(d, site, p.behind[k], vec3_norm(vec3_sub(to, from))) ||
+            !check_certain(d, p.behind[k], fmax(vec3_norm2(from), vec3_norm2(to)), t->of))
+            return false;
     }
     measure_distances(d, &p, site, t->of);
     return true;
@@ -445,7 +478,7 @@ static void measure_uncovered(descent *d, const part *t)
 {
     polygon p;
     whole_part(d, t, (vec3){0, 0, 0}, &p);
-    search_polygon(d, &p, (vec3){0, 0, 0}, t->of, &d->farthest[t->of->patch], true);
+    search_polygon(d, &p, (vec3){0, 0, 0}, t->of, &d->farthest[t->of->patch], !d->wanted->again);
 }
 
 /* Half k of a triangle that is divided at the midpoint of its longest edge. */
@@ -499,8 +532,8 @@ static bool is_repeated(uint32_t site, const corner_distances *at, const judge *
 enum { ALL_CORNERS = 3 };
 
 /* Pushes the candidates, of `count` from `from`, that are not dominated by the sites nearest to each corner
- * and to all three. */
-static void push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
+ * and to all three. False: out of memory. */
+static bool push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     enum { JUDGES = 4 };
     judge by[JUDGES] = {{.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}};
@@ -530,6 +563,9 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
         d->list[d->top] = site;
         d->square[d->top++] = own;
     }
+    bool ok = true;
+    for (int c = 0; ok && c < 3; c++) ok = check_certain(d, by[c].site, by[c].least, t->of);
+    return ok;
 }
 
 /* Processes a part with the candidates `from` .. `from` + `count` - 1. All belong to the triangle's piece,
@@ -537,8 +573,7 @@ static void push_undominated(descent *d, const part *t, int changed, size_t from
 static bool visit_part(descent *d, const part *t, int changed, size_t from, size_t count)
 {
     const size_t base = d->top;
-    if (!reserve(d, count)) return false;
-    push_undominated(d, t, changed, from, count);
+    if (!reserve(d, count) || !push_undominated(d, t, changed, from, count)) return false;
     const size_t chosen = d->top - base;
     if (is_known(d, base, chosen)) {
         d->top = base;
@@ -611,12 +646,14 @@ static void remove_far_candidates(descent *d, size_t base, vec3 centroid, double
  * centre. */
 typedef struct surroundings {
     double radius, nearest, spacing;
+    uint32_t point;
 } surroundings;
 
 static surroundings surroundings_at(const descent *d, vec3 centre, double radius)
 {
     surroundings out = {.radius = radius};
-    out.spacing = d->s->spacing[cell_list_nearest(d->s->near, centre, 0, &out.nearest)];
+    out.point = cell_list_nearest(d->s->near, centre, 0, &out.nearest);
+    out.spacing = d->s->spacing[out.point];
     return out;
 }
 
@@ -660,7 +697,8 @@ static bool visit_large_part(descent *d, const part *t)
 {
     const vec3 centroid = field_triangle_middle(t->corner);
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
-    if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest)) return true;
+    if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest) && is_candidate(d->s, at.point, t->of))
+        return true;
     if (at.radius <= SMALL * at.spacing) return visit_part_nearby(d, t, centroid, &at);
     double length;
     const int longest = longest_edge(t, &length);
@@ -705,7 +743,8 @@ static bool visit_strip(descent *d, const strip *s, const facet *of)
         radius = fmax(
             radius, fmax(vec3_norm(vec3_sub(s->first[k], centre)), vec3_norm(vec3_sub(s->last[k], centre))));
     const surroundings at = surroundings_at(d, centre, radius);
-    if (!voronoi_reaches(d->wanted, centre, at.radius, at.nearest)) return true;
+    if (!voronoi_reaches(d->wanted, centre, at.radius, at.nearest) && is_candidate(d->s, at.point, of))
+        return true;
     if (at.radius <= SMALL * at.spacing || strip_length(s) < LEAST_ELONGATION * strip_width(s))
         return visit_triangles_of_strip(d, s, of);
     const strip one = {{s->first[0], s->first[1]}, {middle[0], middle[1]}},
@@ -772,6 +811,18 @@ static bool is_in_one_cell(const descent *d, const candidates *from, const facet
     return sqrt(second2) > (sqrt(nearest2) + 2 * item->radius) * (1 + MARGIN) && isfinite(nearest2);
 }
 
+/* Whether every place of a sphere is so near to a candidate that it can belong to a certain cell. */
+static bool is_within_cells(const descent *d, const candidates *from, vec3 centre, double radius)
+{
+    bool within = false;
+    for (size_t k = from->first; !within && k < from->first + from->count; k++) {
+        const uint32_t i = d->list[k];
+        const double most = PLANAR_CELLS_FARTHEST * d->s->spacing[i] - radius;
+        within = most > 0 && vec3_norm2(vec3_sub(d->s->position[i], centre)) <= most * most;
+    }
+    return within;
+}
+
 /* Processes the triangles of an item with candidates. */
 static bool visit_triangles(descent *d, size_t k, const facets_item *item, const candidates *from,
                             vec3 from_centre)
@@ -794,9 +845,12 @@ static bool visit_item(descent *d, size_t k, const candidates *from, vec3 from_c
 {
     const facets_item item = facets_item_at(d->f, k);
     uint32_t site = 0;
+    if (certain && is_known(d, from->first, from->count) &&
+        is_within_cells(d, from, item.centre, item.radius))
+        return true;
     if (certain && is_in_one_cell(d, from, &item, &site) &&
         is_covered(d, item.patch, item.centre, item.radius, site))
-        return (d->known && d->known[site].certain) || add_area(d, site, item.area);
+        return is_done(d->known, site) || add_area(d, site, item.area);
     return visit_triangles(d, k, &item, from, from_centre);
 }
 
@@ -805,7 +859,9 @@ static bool visit_single_item(descent *d, size_t k)
 {
     const facets_item item = facets_item_at(d->f, k);
     const surroundings at = surroundings_at(d, item.centre, item.radius);
-    if (!voronoi_reaches(d->wanted, item.centre, item.radius, at.nearest)) return true;
+    if (!voronoi_reaches(d->wanted, item.centre, item.radius, at.nearest) &&
+        !voronoi_is_apart(d->s, at.point, &item))
+        return true;
     bool ok = true;
     if (at.radius <= SMALL * at.spacing) {
         const size_t base = d->top;
@@ -829,7 +885,7 @@ static bool visit_small_node(descent *d, uint32_t node, const candidates *from, 
     bool certain;
     if (!choose_candidates(d, n, from, from_centre, &own, &certain)) return false;
     bool ok = true;
-    if (is_known(d, base, own.count)) {
+    if (certain && is_known(d, base, own.count) && is_within_cells(d, &own, n->centre, n->radius)) {
         d->top = base;
         return true;
     }
@@ -843,13 +899,22 @@ static bool visit_small_node(descent *d, uint32_t node, const candidates *from, 
     return ok;
 }
 
+/* Whether voronoi_is_apart may hold for an item of a node and the point nearest to the node. */
+static bool may_be_apart(const descent *d, const facets_node *n, uint32_t point)
+{
+    const node_facing turn = facing_of_node(n);
+    return n->piece != sites_piece(d->s, point) ||
+           (d->f->in.triangle_count > 0 && facing_at_node(d->s, &turn, point) != FACING_ALL);
+}
+
 /* Processes a node without candidates. */
 static bool visit_node(descent *d, uint32_t node)
 {
     const facets_node *n = &d->f->node[node];
     const surroundings at = surroundings_at(d, n->centre, n->radius);
     bool ok = true;
-    if (!voronoi_reaches(d->wanted, n->centre, n->radius, at.nearest)) return true;
+    if (!voronoi_reaches(d->wanted, n->centre, n->radius, at.nearest) && !may_be_apart(d, n, at.point))
+        return true;
     if (at.radius <= SMALL * at.spacing) {
         const size_t base = d->top;
         const double reach = at.nearest + 2 * at.radius + COLLECTED * at.spacing;
@@ -978,17 +1043,30 @@ static bool table_add(side_table *t, const voronoi_side *s, error *e)
     return true;
 }
 
+static bool add_exceeded(restricted_voronoi *out, uint32_t site, error *e)
+{
+    uint32_t *grown =
+        mem_grow(out->exceeded, out->exceeded_count, &out->exceeded_room, sizeof *grown, what, e);
+    if (!grown) return false;
+    out->exceeded = grown;
+    out->exceeded[out->exceeded_count++] = site;
+    return true;
+}
+
 static bool settle_task(task *t, double *area, restricted_voronoi *out, side_table *table, error *e)
 {
     bool ok = !t->failed;
     if (!ok && e) *e = t->why;
     for (size_t k = 0; ok && k < t->area_count; k++) area[t->area[k].site] += t->area[k].area;
     for (size_t k = 0; ok && k < t->side_count; k++) ok = table_add(table, &t->side[k], e);
+    for (size_t k = 0; ok && k < t->exceeded_count; k++) ok = add_exceeded(out, t->exceeded[k], e);
     out->missing += t->missing;
     free(t->area);
     free(t->side);
+    free(t->exceeded);
     t->area = NULL;
     t->side = NULL;
+    t->exceeded = NULL;
     return ok;
 }
 
@@ -1011,7 +1089,7 @@ static size_t begin_areas(const sites *s, const planar_cell *known, double *area
 {
     size_t wanted = 0;
     for (size_t i = 0; i < s->count; i++) {
-        if (known && known[i].certain) continue;
+        if (is_done(known, (uint32_t)i)) continue;
         area[i] = 0;
         wanted++;
     }
@@ -1029,6 +1107,12 @@ bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double
     bool found = !w->list;
     if (!found) cell_list_within(w->list, centre, nearest + 2 * radius + w->beyond, find_point, &found);
     return found;
+}
+
+bool voronoi_is_apart(const sites *s, uint32_t i, const facets_item *item)
+{
+    return item->piece != sites_piece(s, i) ||
+           (vec3_norm2(item->normal) > 0 && sites_facing(s, i, item->normal, item->patch) <= SITES_OPPOSITE);
 }
 
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,
@@ -1069,5 +1153,6 @@ void restricted_voronoi_free(restricted_voronoi *v)
 {
     free(v->side);
     free(v->farthest);
+    free(v->exceeded);
     *v = (restricted_voronoi){0};
 }

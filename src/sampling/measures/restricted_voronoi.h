@@ -29,21 +29,31 @@ typedef struct restricted_voronoi {
     double *farthest;
     double missing; /* area of the places farther than COVERAGE_MISSING spacings from all points that are not
                      * on an opposite wall */
+    /* certain cells, also more than once, to which places of the surface belong that are farther from their points
+     * than the cells reach, or turned from them */
+    uint32_t *exceeded;
+    size_t exceeded_count, exceeded_room;
 } restricted_voronoi;
 
 /* Which cells are computed. */
 typedef struct voronoi_wanted {
-    const planar_cell *known; /* of each point: no cell is computed if this one is certain; NULL: all are */
-    cell_list *list;          /* of the points whose cells are computed; NULL: of all or none */
-    double beyond; /* a place can belong to a cell whose point is farther than the nearest one by this */
+    /* of each point: no cell is computed if this one is certain or measured; NULL: all are */
+    const planar_cell *known;
+    cell_list *list; /* of the points whose cells are computed; NULL: of all or none */
+    bool again;      /* some cells are measured: places without candidates are counted already */
+    double beyond;   /* a place can belong to a cell whose point is farther than the nearest one by this */
 } voronoi_wanted;
 
 /* Whether a cell that is wanted may have a place in a sphere. `nearest`: distance of its centre from the nearest of
- * all points. */
+ * all points. It is valid unless voronoi_is_apart. */
 bool voronoi_reaches(const voronoi_wanted *w, vec3 centre, double radius, double nearest);
 
+/* Whether point i is of another piece than an item, or on a wall opposite to it, as far as its normal is known. The
+ * places of the item can then belong to far points. */
+bool voronoi_is_apart(const sites *s, uint32_t i, const facets_item *item);
+
 /* `area` (a value for each point) receives the areas of the cells that are computed. Areas of known cells, sides
- * between two of them and their distances are not computed. The hierarchy of `f` must contain the items that the
+ * between two of them, sides of measured cells and their distances are not computed. The hierarchy of `f` must contain the items that the
  * other cells may reach. Deterministic for any number of threads. Release *out also after failure. Errors:
  * limit_memory, cancelled. */
 bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wanted *wanted, threads *pool,

@@ -27,11 +27,11 @@ void voronoi_cells_free(voronoi_cells *c)
     *c = (voronoi_cells){0};
 }
 
-/* The points whose cells are computed from triangles. */
+/* Points whose cells are not certain. */
 typedef struct uncertain {
     voronoi_wanted wanted;
     vec3 *position;
-    const cell_list *near; /* all points */
+    const sites *s; /* all points */
 } uncertain;
 
 static void free_uncertain(uncertain *u)
@@ -40,48 +40,87 @@ static void free_uncertain(uncertain *u)
     free(u->position);
 }
 
-/* Free *out also after failure. */
-static bool list_uncertain(const sites *s, voronoi_cells *c, threads *pool, uncertain *out, error *e)
+/* Lists the points whose cells are not certain, without `measured` only those whose cells are still to be computed.
+ * Free *out also after failure. */
+static bool list_uncertain(const sites *s, const voronoi_cells *c, bool measured, threads *pool,
+                           uncertain *out, error *e)
 {
-    *out = (uncertain){.near = s->near};
-    c->certain_count = 0;
-    for (size_t i = 0; i < c->count; i++) c->certain_count += c->planar[i].certain;
-    if (c->certain_count == 0) return true;
-    const size_t others = c->count - c->certain_count;
-    out->wanted = (voronoi_wanted){c->planar, NULL, BEYOND_NEAREST * s->largest_spacing};
-    if (others == 0) return true;
-    out->position = mem_array(others, sizeof *out->position, what, e);
+    const planar_cell *known = c->certain_count > 0 ? c->planar : NULL;
+    size_t count = 0;
+    *out = (uncertain){.wanted = {known, NULL, false, BEYOND_NEAREST * s->largest_spacing}, .s = s};
+    for (size_t i = 0; known && i < c->count; i++)
+        count += !known[i].certain && (measured || !known[i].measured);
+    if (count == 0) return true;
+    out->position = mem_array(count, sizeof *out->position, what, e);
     if (!out->position) return false;
     for (size_t i = 0, k = 0; i < c->count; i++)
-        if (!c->planar[i].certain) out->position[k++] = s->position[i];
-    out->wanted.list = cell_list_new(out->position, others, pool, e);
+        if (!known[i].certain && (measured || !known[i].measured)) out->position[k++] = s->position[i];
+    out->wanted.list = cell_list_new(out->position, count, pool, e);
     return out->wanted.list != NULL;
 }
 
-static bool is_needed(const void *context, vec3 centre, double radius)
+static bool is_needed(const void *context, const facets_item *item)
 {
     const uncertain *u = context;
-    double nearest;
-    cell_list_nearest(u->near, centre, 0, &nearest);
-    return voronoi_reaches(&u->wanted, centre, radius, nearest);
+    double distance;
+    const uint32_t nearest = cell_list_nearest(u->s->near, item->centre, 0, &distance);
+    return voronoi_reaches(&u->wanted, item->centre, item->radius, distance) ||
+           (item->piece != FACETS_MIXED && voronoi_is_apart(u->s, nearest, item));
 }
 
-/* Computes the cells that are not certain. */
-static bool build_exact(const voronoi_cells_input *in, const sites *s, threads *pool, voronoi_cells *c,
-                        error *e)
+/* Builds the hierarchy for the cells that are not certain. After the first round it contains all triangles of a mesh,
+ * since to choose among them takes as long. */
+static bool build_hierarchy(const voronoi_cells_input *in, const sites *s, const voronoi_cells *c, int round,
+                            threads *pool, error *e)
 {
+    const bool mesh = in->surface->in.triangle_count > 0;
     uncertain u;
-    bool ok = list_uncertain(s, c, pool, &u, e);
-    if (ok && !in->whole && c->certain_count < c->count)
-        ok = facets_build(in->surface, c->certain_count > 0 ? is_needed : NULL, &u, pool, e);
-    restricted_voronoi_free(&c->exact);
-    ok = ok && restricted_voronoi_build(in->surface, s, &u.wanted, pool, in->area, &c->exact, e);
-    for (size_t i = 0; ok && i < c->count; i++) {
-        if (!c->planar[i].certain) continue;
-        double *farthest = &c->exact.farthest[sites_patch(s, sites_first(s, (uint32_t)i))];
-        *farthest = fmax(*farthest, c->planar[i].farthest / s->spacing[i]);
-    }
+    if (in->whole || c->certain_count == c->count || (mesh && round > 1)) return true;
+    if (c->certain_count == 0 || (mesh && round == 1)) return facets_build(in->surface, NULL, NULL, pool, e);
+    const bool ok =
+        list_uncertain(s, c, true, pool, &u, e) && facets_build(in->surface, is_needed, &u, pool, e);
     free_uncertain(&u);
+    return ok;
+}
+
+/* Adds cells that were computed later. */
+static bool add_cells(restricted_voronoi *to, const restricted_voronoi *more, size_t patches, error *e)
+{
+    voronoi_side *side = mem_array(to->side_count + more->side_count + 1, sizeof *side, what, e);
+    if (!side) return false;
+    for (size_t k = 0; k < to->side_count; k++) side[k] = to->side[k];
+    for (size_t k = 0; k < more->side_count; k++) side[to->side_count + k] = more->side[k];
+    free(to->side);
+    to->side = side;
+    to->side_count += more->side_count;
+    to->missing += more->missing;
+    for (size_t p = 0; p < patches; p++) to->farthest[p] = fmax(to->farthest[p], more->farthest[p]);
+    return true;
+}
+
+/* Computes the cells that are neither certain nor measured, and withdraws the certain ones that contain other places
+ * than those from which they were computed. */
+static bool build_exact(const voronoi_cells_input *in, const sites *s, int round, threads *pool,
+                        voronoi_cells *c, error *e)
+{
+    uncertain u = {0};
+    restricted_voronoi more = {0};
+    c->certain_count = 0;
+    for (size_t i = 0; i < c->count; i++) c->certain_count += c->planar[i].certain;
+    bool ok = build_hierarchy(in, s, c, round, pool, e) && list_uncertain(s, c, false, pool, &u, e);
+    if (ok && round > 0 && c->certain_count == 0) u.wanted.known = c->planar;
+    u.wanted.again = round > 0;
+    ok = ok && restricted_voronoi_build(in->surface, s, &u.wanted, pool, in->area, &more, e);
+    free_uncertain(&u);
+    for (size_t i = 0; ok && i < c->count; i++) c->planar[i].measured = !c->planar[i].certain;
+    for (size_t k = 0; ok && k < more.exceeded_count; k++)
+        c->planar[more.exceeded[k]] = (planar_cell){.certain = false};
+    if (round == 0) {
+        c->exact = more;
+        return ok;
+    }
+    ok = ok && add_cells(&c->exact, &more, in->surface->in.patch_count, e);
+    restricted_voronoi_free(&more);
     return ok;
 }
 
@@ -90,11 +129,10 @@ typedef struct piece_area {
     double cells, bend;
 } piece_area;
 
-/* Withdraws the certain cells of pieces whose cells do not add up to their area; *found: there are any. */
-static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, bool *found, error *e)
+/* Withdraws the certain cells of pieces whose cells do not add up to their area. */
+static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, error *e)
 {
     piece_area *sum = mem_array(f->piece_count, sizeof *sum, what, e);
-    *found = false;
     for (uint32_t i = 0; sum && i < c->count; i++) {
         sum[sites_piece(s, i)].cells += c->area[i];
         sum[sites_piece(s, i)].bend += c->planar[i].bend / PLANAR_BEND * c->area[i];
@@ -106,12 +144,30 @@ static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, bool *fo
             fabs(of->cells - area) <= AREA_TOLERANCE * area + BEND_TOLERANCE * of->bend)
             continue;
         c->planar[i] = (planar_cell){.certain = false};
-        *found = true;
     }
     free(sum);
     return sum != NULL;
 }
 
+/* The largest distances of each patch, of certain cells. */
+static void add_distances(const sites *s, voronoi_cells *c)
+{
+    for (size_t i = 0; i < c->count; i++) {
+        if (!c->planar[i].certain) continue;
+        double *farthest = &c->exact.farthest[sites_patch(s, sites_first(s, (uint32_t)i))];
+        *farthest = fmax(*farthest, c->planar[i].farthest / s->spacing[i]);
+    }
+}
+
+/* Whether each cell is certain or measured. */
+static bool is_complete(const voronoi_cells *c)
+{
+    bool complete = true;
+    for (size_t i = 0; i < c->count; i++) complete &= c->planar[i].certain || c->planar[i].measured;
+    return complete;
+}
+
+/* See LEAST_CERTAIN. */
 static void withdraw_few(voronoi_cells *c)
 {
     size_t certain = 0;
@@ -124,7 +180,6 @@ bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_ener
                          voronoi_cells *out, error *e)
 {
     sites s = *in->pairs->sites;
-    bool found = false;
     *out = (voronoi_cells){.count = s.count, .area = in->area};
     out->planar = mem_array(s.count, sizeof *out->planar, what, e);
     if (!out->planar ||
@@ -132,7 +187,12 @@ bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_ener
         return false;
     withdraw_few(out);
     s.near = out->near = cell_list_new(s.position, s.count, pool, e);
-    if (!out->near || !build_exact(in, &s, pool, out, e)) return false;
-    if (out->certain_count > 0 && !withdraw(in->surface, &s, out, &found, e)) return false;
-    return !found || build_exact(in, &s, pool, out, e);
+    bool ok = out->near != NULL, found = true;
+    for (int round = 0; ok && found; round++) {
+        ok = build_exact(in, &s, round, pool, out, e) &&
+             (out->certain_count == 0 || withdraw(in->surface, &s, out, e));
+        found = !is_complete(out);
+    }
+    if (ok) add_distances(&s, out);
+    return ok;
 }
