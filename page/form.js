@@ -3,7 +3,13 @@
 import {html, useState} from "./preact.js";
 import {countOf} from "./words.js";
 
+/** Optional members that a form shows at first, although they are absent. */
+const UP_FRONT = ["/sampling/pattern", "/sampling/curvature"];
+
 const wordOf = name => (name ? name[0].toUpperCase() + name.slice(1).replace(/_/g, " ") : "");
+
+/** What a form calls a member: its title in the table of the spec, or its name. */
+const titleOf = (name, schema) => schema && schema.title || wordOf(name);
 
 /** The members of which exactly one is given; the schema says so by oneOf with required. */
 function choicesOf(schema) {
@@ -90,7 +96,7 @@ function Input({schema, value, onChange, ...more}) {
 
 /** One value with its name, help, range and faults. */
 function Field({name, schema, value, pointer, faults, required, onChange}) {
-  const id = `f${pointer}`, fault = faults.get(pointer), word = wordOf(name);
+  const id = `f${pointer}`, fault = faults.get(pointer), word = titleOf(name, schema);
   const help = [schema.description, rangeOf(schema), schema.default !== undefined && `default ${JSON.stringify(schema.default)}`].filter(Boolean).join(" · ");
   return html`<div class="field"><label for=${id}>${word}${required ? " *" : ""}</label>
     <${Input} id=${id} word=${word} schema=${schema} value=${value} onChange=${onChange} aria-invalid=${fault ? "true" : null} aria-describedby=${`${id}-help`} />
@@ -121,7 +127,7 @@ function Members({schema, value = {}, pointer, faults, onChange}) {
   const choices = choicesOf(schema), given = choices.find(name => name in value) || choices[0];
   const others = Object.keys(schema.properties).filter(name => !choices.includes(name));
   const [late] = useState(() => {
-    const absent = others.filter(name => !(schema.required || []).includes(name) && !(name in value));
+    const absent = others.filter(name => !(schema.required || []).includes(name) && !(name in value) && !UP_FRONT.includes(`${pointer}/${name}`));
     return choices.length || absent.length < others.length ? absent : [];
   });
   const member = name => {
@@ -135,16 +141,16 @@ function Members({schema, value = {}, pointer, faults, onChange}) {
   };
   const choose = name => onChange({...Object.fromEntries(Object.entries(value).filter(([key]) => !choices.includes(key))), [name]: blankOf(schema.properties[name])});
   return html`${choices.length > 0 && html`<div class="field"><label for=${`c${pointer}`}>Given by</label>
-      <select id=${`c${pointer}`} onChange=${e => choose(e.target.value)}>${choices.map(name => html`<option value=${name} selected=${name === given}>${wordOf(name)}</option>`)}</select>
+      <select id=${`c${pointer}`} onChange=${e => choose(e.target.value)}>${choices.map(name => html`<option value=${name} selected=${name === given}>${titleOf(name, schema.properties[name])}</option>`)}</select>
       ${schema.properties[given].properties && html`<p class="hint">${schema.properties[given].description}</p>`}</div>${member(given)}`}
     ${others.filter(name => !late.includes(name)).map(member)}
-    ${late.length > 0 && html`<details class="group" open=${late.some(name => name in value)}><summary>More: ${late.map(name => wordOf(name)).join(", ")}</summary>
+    ${late.length > 0 && html`<details class="group" open=${late.some(name => name in value)}><summary>More: ${late.map(name => titleOf(name, schema.properties[name])).join(", ")}</summary>
       <div class="fields">${late.map(member)}</div></details>`}`;
 }
 
 /** A group that may be absent. */
 function Optional({name, schema, value, onChange, children}) {
-  return html`<details class="group" open=${value !== undefined}><summary>${wordOf(name)}</summary><p class="hint">${schema.description}
+  return html`<details class="group" open=${value !== undefined}><summary>${titleOf(name, schema)}</summary><p class="hint">${schema.description}
     ${value !== undefined && html` <button type="button" class="plain" onClick=${() => onChange(undefined)}>Leave out</button>`}</p>
     <div class="fields">${children}</div></details>`;
 }

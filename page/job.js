@@ -295,8 +295,8 @@ export function Job({ids: [id], search, session}) {
     ${job.error && html`<p class="trouble">${job.error.message}</p>`}
     ${explain(job, report).map(text => html`<p class="lead">${text}</p>`)}
     ${progress && html`<div class="live" aria-live="off"><${Progress} fraction=${progress.fraction} label="Progress" />
-      ${notification && html`<button class="plain" disabled=${notification[0]} onClick=${notification[1]}>${notification[0] ? "A notification follows" : "Notify me at the end"}</button>`}
-      <span>${PHASES[progress.phase]}${progress.eta_s >= 1 ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
+      <span>${PHASES[progress.phase]}${progress.eta_s >= 1 ? `, about ${durationOf(progress.eta_s)} left` : ""}</span>
+      ${notification && html`<button class="plain" disabled=${notification[0]} onClick=${notification[1]}>${notification[0] ? "A notification follows" : "Notify me at the end"}</button>`}</div>`}
     ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} frame=${frame} onChange=${reload} />`}
     <div class=${lives ? "beside" : ""}>${lives && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
       <${Facts} job=${job} now=${now} /></div>

@@ -43,6 +43,5 @@ export function Service() {
         <th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th>
         <th scope="col" class="number">Results</th><th scope="col" class="number">Disk</th><th scope="col"><span class="hidden">Jobs</span></th></tr></thead>
         <tbody>${usersOf(found.usage, found.workers).map(row)}</tbody></table></div>
-      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)},
-        ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>`}`;
+      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>`}`;
 }

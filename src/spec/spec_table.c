@@ -52,12 +52,14 @@ const spec_row spec_rows[] = {
 
     GROUP("", "surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
     {.pointer = MEMBER("/surface", "vdb"),
+     .title = "VDB file",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose = "A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue."},
     {.pointer = MEMBER("/surface/vdb", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -66,6 +68,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload."},
     {.pointer = MEMBER("/surface/vdb", "grid"),
+     .title = "Name of the grid",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
@@ -96,6 +99,7 @@ const spec_row spec_rows[] = {
               "with exact distances if the spec has voxel_size, resolution or on_mesh false, in offsets and "
               "combinations, and if too much of its area is inside its solids."},
     {.pointer = MEMBER("/surface/mesh", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -105,6 +109,7 @@ const spec_row spec_rows[] = {
          "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are not read."},
     {.pointer = MEMBER("/surface/mesh", "voxel_size"),
+     .title = "Size of a voxel",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_VOXELS,
@@ -116,6 +121,7 @@ const spec_row spec_rows[] = {
          "A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the longest side of the mesh's "
          "bounding box. Excludes resolution."},
     {.pointer = MEMBER("/surface/mesh", "resolution"),
+     .title = "Voxels along the longest side",
      .type = SPEC_TYPE_INTEGER,
      .choice = SPEC_CHOICE_VOXELS,
      .low = 8,
@@ -130,6 +136,7 @@ const spec_row spec_rows[] = {
               "0.05 voxels of the sampled surface; sharp edges deviate more. Twice the number "
               "requires three to four times the memory and time."},
     {.pointer = MEMBER("/surface/mesh", "max_resolution"),
+     .title = "Most voxels along the longest side",
      .type = SPEC_TYPE_INTEGER,
      .flags = SPEC_DEPENDENT,
      .low = 256,
@@ -140,6 +147,7 @@ const spec_row spec_rows[] = {
      .prose = "The maximum resolution that hexad chooses. limits.memory_mb limits it as well: the "
               "voxels of thin parts use at most an eighth of it."},
     {.pointer = MEMBER("/surface/mesh", "band_vox"),
+     .title = "Width of the narrow band",
      .type = SPEC_TYPE_INTEGER,
      .low = 3,
      .high = 32,
@@ -151,6 +159,7 @@ const spec_row spec_rows[] = {
          "either side of the surface. Three give the same surface; more than four only cost time. An offset "
          "of the mesh makes the band as wide as it needs, up to 32."},
     {.pointer = MEMBER("/surface/mesh", "weld"),
+     .title = "Tolerance for joining open edges",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.01,
@@ -162,6 +171,7 @@ const spec_row spec_rows[] = {
               "open edge, but at most within a tenth of the shortest edge at them. 0: only vertices "
               "with equal coordinates are welded."},
     {.pointer = MEMBER("/surface/mesh", "holes"),
+     .title = "Open boundaries",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_HOLES),
      .otherwise = "\"keep\"",
@@ -169,6 +179,7 @@ const spec_row spec_rows[] = {
      .prose = "keep: an open mesh is sampled as an open surface, with points along its boundaries. "
               "fill: holes are filled; a mesh that then encloses no volume is refused."},
     {.pointer = MEMBER("/surface/mesh", "interior"),
+     .title = "Parts inside solids",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERIOR),
      .otherwise = "\"auto\"",
@@ -187,6 +198,7 @@ const spec_row spec_rows[] = {
          "models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh, sharp edges are "
          "feature edges only in chains of at least 16 edges and 4 spacings."},
     {.pointer = MEMBER("/surface/mesh/features", "angle"),
+     .title = "Angle of feature edges",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 3.14,
@@ -196,6 +208,7 @@ const spec_row spec_rows[] = {
      .prose = "Edges are sharp if the normals of their triangles differ by more than this. 0: no "
               "edge is sharp."},
     {.pointer = MEMBER("/surface/mesh", "on_mesh"),
+     .title = "Points exactly on the triangles",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
@@ -257,6 +270,7 @@ const spec_row spec_rows[] = {
          "cylinder, cone: the length along the axis. capsule: the distance between the centres of its two half "
          "spheres."},
     {.pointer = MEMBER("/surface/analytic", "top_radius"),
+     .title = "Radius at the top",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -266,6 +280,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "cone: the radius of the other end; above 0 its tip is cut off."},
     {.pointer = MEMBER("/surface/analytic", "major_radius"),
+     .title = "Radius of the ring",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -275,6 +290,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "torus: the distance from the centre to the middle of the tube."},
     {.pointer = MEMBER("/surface/analytic", "minor_radius"),
+     .title = "Radius of the tube",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -284,6 +300,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "torus: the radius of the tube. It must be less than major_radius."},
     {.pointer = MEMBER("/surface/analytic", "half_size"),
+     .title = "Half of the size",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -293,6 +310,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "box: half of each side, including the rounding."},
     {.pointer = MEMBER("/surface/analytic", "rounding"),
+     .title = "Radius of rounded edges",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -352,6 +370,7 @@ const spec_row spec_rows[] = {
               "length w. Coefficient i, counted from 0, belongs to the basis function centred on min + (i "
               "- 1) w, so the first and the last coefficient lie one interval outside the domain."},
     {.pointer = MEMBER("/surface/bspline", "dims"),
+     .title = "Numbers of coefficients",
      .type = SPEC_TYPE_TRIPLE,
      .flags = SPEC_REQUIRED,
      .low = 4,
@@ -383,6 +402,7 @@ const spec_row spec_rows[] = {
      AT_HAS(surface.bspline.coefficients, surface.bspline.coefficient_count),
      .prose = "The coefficients; x varies fastest, then y. Their number is the product of dims."},
     {.pointer = MEMBER("/surface/bspline", "path"),
+     .title = "File of coefficients",
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = 1,
@@ -401,6 +421,7 @@ const spec_row spec_rows[] = {
               "World space is that of the file: for NRRD the space that the header names "
               "(left-posterior-superior is not converted), for NIfTI right-anterior-superior."},
     {.pointer = MEMBER("/surface/volume", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -411,6 +432,7 @@ const spec_row spec_rows[] = {
          "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the "
          "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
     {.pointer = MEMBER("/surface/volume", "index"),
+     .title = "Number of the volume",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
@@ -419,12 +441,14 @@ const spec_row spec_rows[] = {
          "Which volume of a file with more than three axes, counted from 0. Required if there are several. For channel c at time t "
          "of a TIFF file with C channels it is c + C t."},
     {.pointer = MEMBER("/surface/volume", "level"),
+     .title = "Level of resolution",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
      AT_HAS(surface.volume.level, surface.volume.has_level),
      .prose = "Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0."},
     {.pointer = MEMBER("/surface/volume", "slices"),
+     .title = "Slices",
      .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
@@ -433,6 +457,7 @@ const spec_row spec_rows[] = {
          "The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its slices: see "
          "/surface/exr/slices."},
     {.pointer = MEMBER("/surface/volume", "voxel_size"),
+     .title = "Size of a voxel",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -469,6 +494,7 @@ const spec_row spec_rows[] = {
          "labels, but a background is always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes combinations, "
          "offsets, transforms and region."},
     {.pointer = MEMBER("/surface/labels", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -478,12 +504,14 @@ const spec_row spec_rows[] = {
          "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr image; with slices the images, as in /surface/exr/path. It and the files that "
          "it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
     {.pointer = MEMBER("/surface/labels", "index"),
+     .title = "Number of the volume",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
      AT_HAS(surface.labels.index, surface.labels.has_index),
      .prose = "See /surface/volume/index."},
     {.pointer = MEMBER("/surface/labels", "level"),
+     .title = "Level of resolution",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
@@ -510,6 +538,7 @@ const spec_row spec_rows[] = {
      AT(surface.exr.channel),
      .prose = "The name of the channel. Requires slices."},
     {.pointer = MEMBER("/surface/labels", "voxel_size"),
+     .title = "Size of a voxel",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -535,12 +564,14 @@ const spec_row spec_rows[] = {
      AT(surface.labels.grid),
      .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
     {.pointer = MEMBER("/surface/labels", "labels"),
+     .title = "Labels to sample",
      .type = SPEC_TYPE_INTEGERS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT(surface.labels.only),
      .prose = "The labels to sample; all others are background. Default: all."},
     {.pointer = MEMBER("/surface/labels", "smooth"),
+     .title = "Smoothing",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 24,
@@ -550,6 +581,7 @@ const spec_row spec_rows[] = {
      .prose = "The cut-off wavelength of the smoothing: shorter steps are smoothed, and no vertex "
               "moves by more than half a voxel along an axis. 0: no smoothing."},
     {.pointer = MEMBER("/surface/labels", "majority"),
+     .title = "Majority filter",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = SPEC_MAJORITY_MAX,
@@ -573,6 +605,7 @@ const spec_row spec_rows[] = {
          "Default: none; 0 is then a label like any other. `labels` and closed need a background: then the "
          "default is 0 if `labels` is given without 0, and otherwise one less than the lowest label, at most -1."},
     {.pointer = MEMBER("/surface/labels", "closed"),
+     .title = "Close at the border",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(surface.labels.closed),
@@ -580,12 +613,14 @@ const spec_row spec_rows[] = {
          "true: beyond the end of the data is background, and the end an interface with it. false: the interfaces "
          "end there."},
     {.pointer = MEMBER("/surface/labels", "groups"),
+     .title = "Groups of labels",
      .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.groups, surface.labels.group_count),
      .prose = "Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]]."},
     {.pointer = MEMBER("/surface/labels", "interfaces"),
+     .title = "Pairs of labels",
      .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
@@ -604,6 +639,7 @@ const spec_row spec_rows[] = {
               "pixel outside the data window of its slice is 0. In tiled files with levels, the "
               "full-resolution level is read. Deep images are refused."},
     {.pointer = MEMBER("/surface/exr", "path"),
+     .title = "Files",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -633,6 +669,7 @@ const spec_row spec_rows[] = {
      .prose = "The name of the channel including its layer, such as \"density\" or \"fog.Y\". Optional if "
               "there is only one."},
     {.pointer = MEMBER("/surface/exr", "voxel_size"),
+     .title = "Size of a voxel",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -743,6 +780,7 @@ const spec_row spec_rows[] = {
          "surface, the surface is open and points lie along the cut. The scale of curvature still comes from "
          "the bounding box of the whole surface."},
     {.pointer = MEMBER("/region", "inside"),
+     .title = "Inside of a surface",
      .type = SPEC_TYPE_SURFACE,
      .choice = SPEC_CHOICE_REGION,
      .offset = offsetof(spec, region_inside),
@@ -750,6 +788,7 @@ const spec_row spec_rows[] = {
      .prose = "The surface whose inside is the region. Points are placed exactly on the cut and, "
               "as with features, on the sharp edges of the sampled surface."},
     {.pointer = MEMBER("/region", "min"),
+     .title = "Lowest corner",
      .type = SPEC_TYPE_VECTOR,
      .choice = SPEC_CHOICE_REGION,
      .low = -WORLD_MAX,
@@ -758,6 +797,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The lowest corner."},
     {.pointer = MEMBER("/region", "max"),
+     .title = "Highest corner",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -779,6 +819,7 @@ const spec_row spec_rows[] = {
         "resolve or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
         "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
     {.pointer = MEMBER("/sampling", "count"),
+     .title = "Number of points",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
      .low = 4,
@@ -787,6 +828,7 @@ const spec_row spec_rows[] = {
      .unit = "points",
      .prose = "The exact number of points."},
     {.pointer = MEMBER("/sampling", "spacing"),
+     .title = "Distance between points",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -797,6 +839,7 @@ const spec_row spec_rows[] = {
      .prose = "The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is "
               "the area."},
     {.pointer = MEMBER("/sampling", "density"),
+     .title = "Points per unit of area",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -806,6 +849,7 @@ const spec_row spec_rows[] = {
      .unit = "1/world^2",
      .prose = "The number of points per unit of area."},
     {.pointer = MEMBER("/sampling", "pattern"),
+     .title = "Pattern",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PATTERN),
      .otherwise = "\"hexagonal\"",
@@ -863,6 +907,7 @@ const spec_row spec_rows[] = {
               "split, points with much energy to be deleted. random: all points are equally likely. Only "
               "the method paper inserts and deletes points."},
     {.pointer = MEMBER("/sampling", "time_s"),
+     .title = "Time, seconds",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
@@ -875,6 +920,7 @@ const spec_row spec_rows[] = {
               "not reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
               "fit. Excludes min_spacing, max_spacing, feature and curve_spacing."},
     {.pointer = MEMBER("/sampling", "resolve"),
+     .title = "As many points as thin parts need",
      .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
@@ -884,6 +930,7 @@ const spec_row spec_rows[] = {
               "then sampled on its triangles, including those inside its solids, as with sharp edges "
               "(/surface/mesh/features), and mesh.ply has the topology of the mesh."},
     {.pointer = MEMBER("/sampling", "attach"),
+     .title = "Points of an earlier result to place again",
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_TARGET,
      .low = 1,
@@ -896,6 +943,7 @@ const spec_row spec_rows[] = {
          "Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling, "
          "output.mesh, output.convergence, output.order, queue.coherent and outcome.require."},
     {.pointer = MEMBER("/sampling", "feature"),
+     .title = "Denser at thin parts",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -905,6 +953,7 @@ const spec_row spec_rows[] = {
               "edges are not thin. The job fails if the count is too small, and names the count that it "
               "needs. Requires the method sized; excludes alpha and time_s."},
     {.pointer = MEMBER("/sampling/feature", "ratio"),
+     .title = "Largest spacing over the feature size",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -914,6 +963,7 @@ const spec_row spec_rows[] = {
      .prose = "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; "
               "above 1, they may remain unresolved."},
     {.pointer = MEMBER("/sampling", "alpha"),
+     .title = "Amplitude of the paper",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -980,6 +1030,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The distance in world units."},
     {.pointer = MEMBER("/sampling", "curvature"),
+     .title = "Denser where curved",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -988,6 +1039,7 @@ const spec_row spec_rows[] = {
      .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that "
               "it needs as many points as the target. Requires the method sized."},
     {.pointer = MEMBER("/sampling/curvature", "chord_error"),
+     .title = "Largest distance of chords",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_CURVATURE,
@@ -999,6 +1051,7 @@ const spec_row spec_rows[] = {
               "deviates from the surface by chord_error. The report states the nominal error of the "
               "count, and with output.mesh the largest one of the mesh."},
     {.pointer = MEMBER("/sampling/curvature", "ratio"),
+     .title = "Largest over smallest spacing",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_CURVATURE,
      .low = 1,
@@ -1010,6 +1063,7 @@ const spec_row spec_rows[] = {
               "on as little as 1/8 % if gradation would otherwise reduce the ratio below 0.8 of "
               "this value."},
     {.pointer = MEMBER("/sampling/curvature", "exponent"),
+     .title = "Exponent of the curvature",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1043,6 +1097,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The distance in world units."},
     {.pointer = MEMBER("/sampling", "grid"),
+     .title = "Painted map of spacings",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
@@ -1052,6 +1107,7 @@ const spec_row spec_rows[] = {
          "Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is "
          "scaled so that it needs as many points as the target. Requires the method sized."},
     {.pointer = MEMBER("/sampling/grid", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1060,6 +1116,7 @@ const spec_row spec_rows[] = {
          "The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may "
          "have a map in a file of its own, in world space."},
     {.pointer = MEMBER("/sampling/grid", "name"),
+     .title = "Name of the grid",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -1067,6 +1124,7 @@ const spec_row spec_rows[] = {
      AT(grid.name),
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second."},
     {.pointer = MEMBER("/sampling/grid", "kind"),
+     .title = "Meaning of the values",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
@@ -1074,6 +1132,7 @@ const spec_row spec_rows[] = {
      .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
               "area; where the density is 0, only max_spacing and gradation determine the points."},
     {.pointer = MEMBER("/sampling", "points"),
+     .title = "Existing points",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1083,6 +1142,7 @@ const spec_row spec_rows[] = {
          "the number of all points of the result: with mode keep it includes the given ones. Requires the "
          "method sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface."},
     {.pointer = MEMBER("/sampling/points", "path"),
+     .title = "File",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -1092,6 +1152,7 @@ const spec_row spec_rows[] = {
          "The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Only the positions are read, in world space."},
     {.pointer = MEMBER("/sampling/points", "mode"),
+     .title = "Use of the points",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_POINTS),
@@ -1110,6 +1171,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The least distance of the result's points from the given points. Required by mode avoid."},
     {.pointer = MEMBER("/sampling", "curve_spacing"),
+     .title = "Spacing along curves",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1120,6 +1182,7 @@ const spec_row spec_rows[] = {
               "does not change. It may be combined with curvature, grid or feature. It has no effect on a "
               "surface without curves. Requires the method sized; excludes alpha and time_s."},
     {.pointer = MEMBER("/sampling", "min_spacing"),
+     .title = "Smallest spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1131,6 +1194,7 @@ const spec_row spec_rows[] = {
               "quarter of a voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest "
               "side or a quarter of the side of its triangles, more if its area is large."},
     {.pointer = MEMBER("/sampling", "max_spacing"),
+     .title = "Largest spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1140,6 +1204,7 @@ const spec_row spec_rows[] = {
      .prose = "The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
               "without them; excludes time_s. At least min_spacing."},
     {.pointer = MEMBER("/sampling", "gradation"),
+     .title = "Growth of the spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1192,6 +1257,7 @@ const spec_row spec_rows[] = {
      .prose = "The step of the gradient minimiser: a factor of the force, in units of sigma^2. The "
               "cotangent energy overshoots above about 0.2. Belongs to gradient."},
     {.pointer = MEMBER("/solver", "sigma"),
+     .title = "Support of the energy",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -1301,6 +1367,7 @@ const spec_row spec_rows[] = {
      .prose = "sigma_max: a particle with a larger radius is always split. 0: the larger of half the "
               "longest side of the surface and 1.5 target radii."},
     {.pointer = MEMBER("/solver", "init"),
+     .title = "Placement of first points",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_INIT),
@@ -1330,6 +1397,7 @@ const spec_row spec_rows[] = {
      .prose = "The number of threads; 0: those that the service gives to each worker. The result does not "
               "depend on it."},
     {.pointer = MEMBER("/solver", "isa"),
+     .title = "Instruction set",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ISA),
      .otherwise = "\"auto\"",
@@ -1337,6 +1405,7 @@ const spec_row spec_rows[] = {
      .prose = "The instruction set of the numerical kernels; auto: the best one that the machine supports. "
               "The result does not depend on it."},
     {.pointer = MEMBER("/solver", "max_sweeps"),
+     .title = "Most sweeps",
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1e6,
@@ -1345,6 +1414,7 @@ const spec_row spec_rows[] = {
      .unit = "sweeps",
      .prose = "The maximum number of sweeps; the solver stops then, converged or not."},
     {.pointer = MEMBER("/solver", "step_tolerance"),
+     .title = "Tolerance of the step",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1357,6 +1427,7 @@ const spec_row spec_rows[] = {
          "unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes "
          "the quality less than another seed."},
     {.pointer = MEMBER("/solver", "energy_tolerance"),
+     .title = "Tolerance of the energy",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1416,6 +1487,7 @@ const spec_row spec_rows[] = {
          "weight: the sum of weight times f approximates the integral of f; excludes sampling.attach and given points "
          "with mode avoid)."},
     {.pointer = MEMBER("/attributes", "as"),
+     .title = "Name in the results",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1443,6 +1515,7 @@ const spec_row spec_rows[] = {
 
     GROUP("", "output", 0, "The files to write."),
     {.pointer = MEMBER("/output", "order"),
+     .title = "Order of the points",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ORDER),
      AT_HAS(order, has_order),
@@ -1453,6 +1526,7 @@ const spec_row spec_rows[] = {
          "ascending ids; requires queue.coherent. Default: the order of the solver, which may differ from "
          "version to version."},
     {.pointer = MEMBER("/output", "orient"),
+     .title = "Orientations",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL | SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
@@ -1491,6 +1565,7 @@ const spec_row spec_rows[] = {
      AT(ply_precision),
      .prose = "The type of all properties of points.ply except id."},
     {.pointer = MEMBER("/output/ply", "properties"),
+     .title = "Columns",
      .type = SPEC_TYPE_LABELS,
      .flags = SPEC_OR_ONE,
      .low = 0,
@@ -1503,6 +1578,7 @@ const spec_row spec_rows[] = {
          "doc/formats.md has further names. red, green and blue are those of an attribute of colours, else "
          "the colours of alpha or the curvature, with the map of the preview."},
     {.pointer = MEMBER("/output", "preview"),
+     .title = "Pictures",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
@@ -1511,6 +1587,7 @@ const spec_row spec_rows[] = {
      .prose = "preview.png and preview.exr. false: they are not written. true or an object: they are, "
               "preview.exr unless preview_exr is false; the object has the members below."},
     {.pointer = MEMBER("/output/preview", "size"),
+     .title = "Size",
      .type = SPEC_TYPE_SIZE,
      .low = 64,
      .high = 8192,
@@ -1519,6 +1596,7 @@ const spec_row spec_rows[] = {
      .unit = "pixels",
      .prose = "The side of a square image, or [width, height]."},
     {.pointer = MEMBER("/output/preview", "color"),
+     .title = "What the colours show",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_COLOR),
@@ -1530,6 +1608,7 @@ const spec_row spec_rows[] = {
          "spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are "
          "then the range; otherwise shading."},
     {.pointer = MEMBER("/output/preview", "attribute"),
+     .title = "Attribute that the colours show",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1538,6 +1617,7 @@ const spec_row spec_rows[] = {
               "for a vector, its length. An attribute of type color is shown unchanged. Surfaces "
               "with patches also have patch and feature, labels have label_a and label_b."},
     {.pointer = MEMBER("/output/preview", "range"),
+     .title = "Range of the colours",
      .type = SPEC_TYPE_NUMBERS,
      .low = -1e300,
      .high = 1e300,
@@ -1545,12 +1625,14 @@ const spec_row spec_rows[] = {
      .prose =
          "The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th percentile."},
     {.pointer = MEMBER("/output/preview", "map"),
+     .title = "Colour map",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP_COLORS),
      .otherwise = "\"viridis\"",
      AT(preview_map),
      .prose = "The colours. diverging: from blue through nearly white, the middle of the range, to red."},
     {.pointer = MEMBER("/output/preview", "channels"),
+     .title = "Channels of preview.exr",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_CHANNELS),
      .otherwise = "\"basic\"",
@@ -1559,6 +1641,7 @@ const spec_row spec_rows[] = {
          "The channels of preview.exr. basic: R, G, B, A, Z and id, by which points.ply has the rest of a "
          "point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes."},
     {.pointer = MEMBER("/output/preview", "compression"),
+     .title = "Compression of preview.exr",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COMPRESSION),
      .otherwise = "\"zip\"",
@@ -1567,6 +1650,7 @@ const spec_row spec_rows[] = {
          "The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives 0.4 to "
          "1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels)."},
     {.pointer = MEMBER("/output/preview", "up"),
+     .title = "Axis that points up",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_UP),
      .otherwise = "\"auto\"",
@@ -1607,6 +1691,7 @@ const spec_row spec_rows[] = {
      .prose = "The direction that points up in the image; default: the axis of up. It must not be "
               "parallel to the line of sight. A turntable rotates about it."},
     {.pointer = MEMBER("/output/preview/camera", "fov"),
+     .title = "Angle of view",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
@@ -1626,6 +1711,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "Selects parallel projection: the length that the longer side of the image shows."},
     {.pointer = MEMBER("/output/preview", "turntable"),
+     .title = "Pictures of a turntable",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 360,
@@ -1636,29 +1722,34 @@ const spec_row spec_rows[] = {
               "0: none. The axis is the camera's up direction through its target. Without a camera it is "
               "the axis that is up, through the centre of the points."},
     {.pointer = MEMBER("/output", "preview_exr"),
+     .title = "preview.exr",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(has_preview_exr),
      .prose = "Whether to write preview.exr. false: of the preview only preview.png is written."},
     {.pointer = MEMBER("/output", "convergence"),
+     .title = "Plot of the convergence",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_convergence),
      .part = BUILD_PART_PREVIEW,
      .prose = "Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps."},
     {.pointer = MEMBER("/output", "points_vdb"),
+     .title = "points.vdb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VDB]),
      .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
               "spacing) and id (the index of the point in points.ply, from 0)."},
     {.pointer = MEMBER("/output", "points_npz"),
+     .title = "points.npz",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_NPZ]),
      .prose =
          "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
     {.pointer = MEMBER("/output", "points_vtp"),
+     .title = "points.vtp",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VTP]),
@@ -1666,11 +1757,13 @@ const spec_row spec_rows[] = {
          "Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property and "
          "attribute, in double precision."},
     {.pointer = MEMBER("/output", "points_glb"),
+     .title = "points.glb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_GLTF]),
      .prose = "Whether to write points.glb: the points as glTF, with normals, colours and all attributes."},
     {.pointer = MEMBER("/output", "points_usda"),
+     .title = "points.usda",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_USD]),
@@ -1714,6 +1807,7 @@ const spec_row spec_rows[] = {
      AT(instancer.size),
      .prose = "A factor of all scales."},
     {.pointer = MEMBER("/output", "mesh"),
+     .title = "Triangles between the points",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_mesh),
@@ -1721,11 +1815,13 @@ const spec_row spec_rows[] = {
               "properties of points.ply. The member mesh of the report states whether the triangles close "
               "the surface. Excludes sampling.points with mode avoid."},
     {.pointer = MEMBER("/output", "mesh_usda"),
+     .title = "mesh.usda",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(mesh_in[FILE_FORMAT_USD]),
      .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
     {.pointer = MEMBER("/output", "label_meshes"),
+     .title = "A mesh for each label",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_label_meshes),
@@ -1735,6 +1831,7 @@ const spec_row spec_rows[] = {
          "end of the data, which is an interface with surface.labels.closed. Requires mesh and "
          "surface.labels."},
     {.pointer = MEMBER("/output", "directory"),
+     .title = "Copy of the results to a directory",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1746,6 +1843,7 @@ const spec_row spec_rows[] = {
     GROUP("", "limits", 0,
           "The resources that the job may use. 0: the default of the service or of the worker."),
     {.pointer = MEMBER("/limits", "memory_mb"),
+     .title = "Memory, MiB",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_OR_ZERO,
      .low = WORKER_MEMORY_LEAST_MB,
@@ -1760,6 +1858,7 @@ const spec_row spec_rows[] = {
          "Without a control group, use can briefly exceed the limit: the address space is limited to this "
          "value plus 512 MiB plus 80 MiB for each processor."},
     {.pointer = MEMBER("/limits", "timeout_s"),
+     .title = "Time, seconds",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
@@ -1769,6 +1868,7 @@ const spec_row spec_rows[] = {
      .prose = "The time that the job, or each frame of it, may run, summed over all attempts. Attempts "
               "that the service itself stopped, as for a restart, do not count."},
     {.pointer = MEMBER("/limits", "stall_s"),
+     .title = "Time without progress, seconds",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
@@ -1778,6 +1878,7 @@ const spec_row spec_rows[] = {
      .prose = "An attempt without progress for this long is stopped, and tried again up to "
               "max_attempts."},
     {.pointer = MEMBER("/limits", "max_chunks"),
+     .title = "Most chunks of an OME-Zarr",
      .type = SPEC_TYPE_LARGE,
      .low = 1,
      .high = 1e9,
@@ -1787,6 +1888,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser level, needs fewer."},
     {.pointer = MEMBER("/limits", "max_attempts"),
+     .title = "Most attempts",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100,
@@ -1811,6 +1913,7 @@ const spec_row spec_rows[] = {
      AT_HAS(labels, label_count),
      .prose = "Words to search for the job by, each 1 to 100 characters long."},
     {.pointer = MEMBER("/queue", "depends_on"),
+     .title = "After the success of jobs",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
@@ -1819,6 +1922,7 @@ const spec_row spec_rows[] = {
      .prose = "Identifiers of jobs that must succeed before this one starts. If one of them does not "
               "succeed, this job fails."},
     {.pointer = MEMBER("/queue", "after"),
+     .title = "After the end of jobs",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
@@ -1826,6 +1930,7 @@ const spec_row spec_rows[] = {
      AT_HAS(after, after_count),
      .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
     {.pointer = MEMBER("/queue", "after_frames"),
+     .title = "Frame by frame after jobs",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 100,
@@ -1835,6 +1940,7 @@ const spec_row spec_rows[] = {
          "Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when the same frame of these "
          "jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails. Requires frames."},
     {.pointer = MEMBER("/queue", "accept"),
+     .title = "Accepted outcomes",
      .type = SPEC_TYPE_WORDS,
      .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
      WORDS(SPEC_OUTCOME),
@@ -1854,6 +1960,7 @@ const spec_row spec_rows[] = {
          "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
          "most 100000 frames. \"all\": the frames of all files of the first such path at the submission."},
     {.pointer = MEMBER("/queue", "by_frame"),
+     .title = "Values that change by frame",
      .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,
      .high = 32,
@@ -1865,6 +1972,7 @@ const spec_row spec_rows[] = {
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
     {.pointer = MEMBER("/queue", "max_running"),
+     .title = "Most frames at once",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100000,
@@ -1874,6 +1982,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The maximum number of frames that run at the same time; 0: as many as the service has room for."},
     {.pointer = MEMBER("/queue", "chunk"),
+     .title = "Frames that run one after another",
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1000,
@@ -1884,6 +1993,7 @@ const spec_row spec_rows[] = {
          "The number of consecutive frames that run one after another, as the chunk size of render managers. Each frame has limits, attempts and a result of its own. Above 1 it requires "
          "frames and excludes coherent."},
     {.pointer = MEMBER("/queue", "coherent"),
+     .title = "Points follow the surface",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
@@ -1892,6 +2002,7 @@ const spec_row spec_rows[] = {
          "the surface and keep their ids. Requires frames and the method sized; excludes features, "
          "sampling.points, sampling.time_s and sampling.alpha."},
     {.pointer = MEMBER("/queue", "retention_s"),
+     .title = "Time until the results are deleted, seconds",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e10,
@@ -2062,6 +2173,7 @@ size_t spec_print_help(FILE *file, const char *member)
         fputs(row->pointer, file);
         print_values(file, row);
         fputs("\n", file);
+        if (row->title) fprintf(file, "    %s.\n", row->title);
         print_prose(file, row->prose);
         fputs("\n", file);
     }

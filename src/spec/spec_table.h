@@ -85,8 +85,9 @@ typedef struct spec_row {
     size_t offset,
         has; /* in struct spec, or for members of surfaces in struct spec_surface; `has`: offset of a bool
               * (for lists: of a size_t) */
-    const char *unit; /* NULL: none */
-    build_part part;  /* part of the build to which the member belongs, and for a group all of its members */
+    const char *title; /* a few words for a form and the help; NULL: the key says it */
+    const char *unit;  /* NULL: none */
+    build_part part;   /* part of the build to which the member belongs, and for a group all of its members */
     const char *prose;
 } spec_row;
 

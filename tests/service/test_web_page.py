@@ -874,6 +874,18 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):
     assert browser.run(PICTURE, "Home")[0] != browser.run(PICTURE, "ArrowLeft")[0]
 
 
+def test_form_and_help_call_a_member_by_its_title(service, browser, build):
+    browser.open(service, "#/submit")
+    browser.one(".estimate dl")
+    titles = browser.run("return [...document.querySelectorAll('fieldset .field > label')].map(e => e.innerText.replace(' *', ''))")
+    help_of = subprocess.run([build / "hexad-worker", "spec-help", "sampling"], capture_output=True, text=True, check=True).stdout
+    assert "Number of points" in titles and "Smallest spacing" in browser.texts(".field > label", "textContent")
+    seen = browser.run("return [...document.querySelectorAll('fieldset label, fieldset summary')].filter(e => e.checkVisibility()).map(e => e.innerText)")
+    assert {"Pattern", "Denser where curved"} <= set(seen) and "Smallest spacing" not in seen  # few fields first
+    for title in ("Number of points", "Smallest spacing"):
+        assert f"\n    {title}.\n" in help_of
+
+
 def test_faults_are_shown_where_they_are(service, browser):
     browser.open(service, "#/submit")
     browser.one(".sketch")
