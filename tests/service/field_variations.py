@@ -5,12 +5,14 @@ or a new warning.
 
 As a program: `field_variations.py BUILD [--cases N] [--seed N] [--formats NAME,...]` runs N variations (0: all there are), spread evenly
 over formats and fields, prints each that gives other points without a warning, and a table by format; ends with 1 if there is any.
-`make field-variations` runs 5 000. `--list` prints the fields of each format, and how many ways of varying them there are.
+`make field-variations` runs 5 000. `--list` prints the fields of each format, and how many ways of varying them there are. `--by-format`
+and `--by-field` write what became of them as CSV.
 """
 import argparse
 import base64
 import collections
 import concurrent.futures
+import csv
 import json
 import os
 import pathlib
@@ -34,6 +36,9 @@ AREA = sum(4 * numpy.pi * r ** 2 for _, r in BALLS)
 AWAY, OF_AREA = 0.2, 0.04
 SIZE, STEP, ORIGIN = (26, 18, 28), numpy.array((1.0, 1.25, 0.8)), numpy.array((1.0, -0.5, 2.0))
 TIMEOUT_S = 60
+VERDICTS = ("right", "warned", "refused", "wrong", "crashed")
+FAULTS = ("wrong", "crashed")
+QUESTIONS = ("one_only", "twice", "to_its_end", "not_understood")
 
 
 # ---- the balls, as samples and as triangles
@@ -619,22 +624,76 @@ def chosen(seed, count, names=None):
     return bases, picked[:count] if count else picked
 
 
-def check(worker, seed, count, names=None, report=print):
-    """Runs variations; (number of each verdict by format, faults)."""
+def judged(worker, seed, count, names=None, report=print):
+    """Runs variations; [(format, field, way, verdict)]. Reports the faults."""
     bases, picked = chosen(seed, count, names)
-    usual, table, faults = {}, collections.defaultdict(collections.Counter), []
+    usual, found = {}, []
     for name, _, _, write in bases:
-        found, message, positions = run(worker, write)
-        assert found is not None and is_right(found, positions), (name, message, found and found["surface"])
-        usual[name] = found["surface"]["warnings"]
+        base, message, positions = run(worker, write)
+        assert base is not None and is_right(base, positions), (name, message, base and base["surface"])
+        usual[name] = base["surface"]["warnings"]
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]]), picked)
         for (name, field, way, _), (verdict, why) in zip(picked, verdicts):
-            table[name][verdict] += 1
-            if verdict in ("wrong", "crashed"):
-                faults.append((name, field, way, verdict, why))
+            found.append((name, field, way, verdict))
+            if verdict in FAULTS:
                 report(f"{name}: {field}: {way}: {verdict}: {why.strip()}")
-    return table, faults
+    return found
+
+
+def count_by_format(found):
+    """Number of each verdict, by format."""
+    table = collections.defaultdict(collections.Counter)
+    for name, _, _, verdict in found:
+        table[name][verdict] += 1
+    return table
+
+
+def check(worker, seed, count, names=None, report=print):
+    """Runs variations; (number of each verdict by format, faults)."""
+    found = judged(worker, seed, count, names, report)
+    return count_by_format(found), [row for row in found if row[3] in FAULTS]
+
+
+# ---- tables
+
+TO_ITS_END = {"comma", "text behind", "word behind", "number behind", "a number less", "exponent", "a tail", "a short tail",
+              "a blank behind \\"}
+
+
+def question_of(way):
+    """The question that a way of varying a field asks of its reader."""
+    if way.endswith(" only"):
+        return "one_only"
+    if way.startswith(("twice", "contradicted by")) or way in ("matrix and translation", "has two parents"):
+        return "twice"
+    return "to_its_end" if way in TO_ITS_END else "not_understood"
+
+
+def write_by_format(path, table):
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(("format", "variations", *VERDICTS))
+        total = collections.Counter()
+        for name, counts in table.items():
+            out.writerow((name, sum(counts.values()), *(counts[v] for v in VERDICTS)))
+            total += counts
+        out.writerow(("all", sum(total.values()), *(total[v] for v in VERDICTS)))
+
+
+def write_by_field(path, found):
+    """What became of each field, for each question. `places`: of the same field, each varied alone."""
+    fields = collections.defaultdict(lambda: collections.defaultdict(set))
+    places = collections.defaultdict(collections.Counter)
+    for name, field, way, verdict in found:
+        fields[name, field][question_of(way)].add(verdict)
+        places[name, field][re.sub(r" \d+ only$", " only", way)] += 1
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(("format", "field", "places", *QUESTIONS))
+        for (name, field), answers in sorted(fields.items()):
+            out.writerow((name, field.strip(), max(places[name, field].values()),
+                          *(" or ".join(v for v in VERDICTS if v in answers[q]) for q in QUESTIONS)))
 
 
 def main():
@@ -644,6 +703,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--formats", type=lambda text: text.split(","))
     parser.add_argument("--list", action="store_true")
+    parser.add_argument("--by-format", type=pathlib.Path)
+    parser.add_argument("--by-field", type=pathlib.Path)
     options = parser.parse_args()
     if options.list:
         found = collections.Counter((name, field) for name, field, _, _ in variations(options.seed, options.formats) if field)
@@ -651,7 +712,12 @@ def main():
             print(f"{name}\t{field}\t{count}")
         print(sum(found.values()))
         return 0
-    table, faults = check(options.build.resolve() / "hexad-worker", options.seed, options.cases, options.formats)
+    found = judged(options.build.resolve() / "hexad-worker", options.seed, options.cases, options.formats)
+    table, faults = count_by_format(found), [row for row in found if row[3] in FAULTS]
+    if options.by_format:
+        write_by_format(options.by_format, table)
+    if options.by_field:
+        write_by_field(options.by_field, found)
     for name, counts in table.items():
         print(f"{name:24}" + "".join(f"{verdict} {count:5}  " for verdict, count in sorted(counts.items())))
     print(f"{sum(sum(c.values()) for c in table.values())} variations, seed {options.seed}: {len(faults)} wrong")
