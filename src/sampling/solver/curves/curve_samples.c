@@ -58,7 +58,6 @@ typedef struct layout {
     double *half;            /* per copy: its contribution to the border of its patch */
     uint32_t *corner_sample; /* per corner with a sample: that sample */
     size_t *first_sample;    /* per curve and one more: its first sample */
-    uint32_t *hint;          /* per patch of the current curve: where its last sample was found */
 } layout;
 
 static int compare_ends(const void *a, const void *b)
@@ -230,12 +229,11 @@ static vec3 project_on_both(const field_curve *c, vec3 x)
     return x;
 }
 
-/* Unit normal of a patch at x; (0, 0, 1) if the gradient vanishes or cannot be evaluated. `hint`: see
- * field_sample_near. */
-static vec3 normal_at(const field *patch, vec3 x, uint32_t *hint)
+/* Unit normal of a patch at x; (0, 0, 1) if the gradient vanishes or cannot be evaluated. */
+static vec3 normal_at(const field *patch, vec3 x)
 {
     field_sample s;
-    if (!field_sample_near(patch, x, FIELD_GRADIENT, hint, &s) || !(vec3_norm2(s.gradient) > 0))
+    if (!field_sample_at(patch, x, FIELD_GRADIENT, &s) || !(vec3_norm2(s.gradient) > 0))
         return (vec3){0, 0, 1};
     return vec3_unit(s.gradient);
 }
@@ -244,12 +242,10 @@ static vec3 normal_at(const field *patch, vec3 x, uint32_t *hint)
  * the curve. */
 static vec3 mean_normal(const field *patch, vec3 x, vec3 along, double beside)
 {
-    uint32_t hint[3] = {FIELD_NO_HINT, FIELD_NO_HINT, FIELD_NO_HINT};
-    vec3 n = normal_at(patch, x, &hint[0]), across = vec3_cross(along, n);
+    vec3 n = normal_at(patch, x), across = vec3_cross(along, n);
     if (!(vec3_norm2(across) > 0)) return n;
     across = vec3_scale(vec3_unit(across), beside);
-    vec3 sum = vec3_add(normal_at(patch, vec3_add(x, across), &hint[1]),
-                        normal_at(patch, vec3_sub(x, across), &hint[2]));
+    vec3 sum = vec3_add(normal_at(patch, vec3_add(x, across)), normal_at(patch, vec3_sub(x, across)));
     return vec3_norm2(sum) > 0 ? vec3_unit(sum) : n;
 }
 
@@ -296,9 +292,9 @@ static bool add_sample(layout *l, vec3 x, uint32_t curve, curve_samples *out, er
 }
 
 /* Adds copies of the last sample for all patches of a curve with direction `along`. `share`: the part of half
- * a Voronoi cell that the sample covers on each patch. `hint`: of each patch of the curve, or NULL. */
+ * a Voronoi cell that the sample covers on each patch. */
 static bool add_copies(layout *l, const field *f, const field_curve *c, vec3 along, double share,
-                       uint32_t *hint, curve_samples *out, error *e)
+                       curve_samples *out, error *e)
 {
     const uint32_t *patches = l->patches->curve_patch + c->patch_first;
     vec3 x = out->position[out->count - 1];
@@ -307,7 +303,7 @@ static bool add_copies(layout *l, const field *f, const field_curve *c, vec3 alo
         bool twice = false;
         for (size_t m = 0; m < c->patch_count; m++) twice |= m != k && patches[m] == patches[k];
         vec3 n = twice ? mean_normal(patch, x, along, NORMAL_OFFSET * boundary_spacing(&l->request, x))
-                       : normal_at(patch, x, hint ? &hint[k] : &(uint32_t){FIELD_NO_HINT});
+                       : normal_at(patch, x);
         out->border[patches[k]] += 0.5 * share;
         if (!add_copy(l, patches[k], n, 0.5 * share, out, e)) return false;
     }
@@ -335,7 +331,7 @@ static bool sample_corners(layout *l, const field *f, curve_samples *out, error 
             const bool within = l->ends[k].corner != corner && /* both ends of the curve have this sample */
                                 l->merge_target[l->corner[0][curve]] == l->merge_target[l->corner[1][curve]];
             vec3 along = direction_at_end(l->patches, c, l->ends[k].at);
-            if (!add_copies(l, f, c, along, within ? 0 : 0.5, NULL, out, e)) return false;
+            if (!add_copies(l, f, c, along, within ? 0 : 0.5, out, e)) return false;
         }
     }
     out->corners = out->count;
@@ -349,15 +345,13 @@ static bool sample_curve(layout *l, const field *f, uint32_t curve, curve_sample
     size_t side = 0;
     if (!(inner_samples(l, curve) > 0)) return true;
     if (!trace_curve(l, c, e)) return false;
-    for (size_t k = 0; k < c->patch_count; k++) l->hint[k] = FIELD_NO_HINT;
     for (double k = c->closed ? 0 : 1; k < steps && out->count < l->request.most; k++) {
         while (side + 2 < l->point_count && l->at[side + 1] < k * step) side++;
         double length = l->at[side + 1] - l->at[side],
                share = length > 0 ? (k * step - l->at[side]) / length : 0;
         vec3 along = vec3_sub(l->point[side + 1], l->point[side]);
         vec3 x = vec3_axpy(share, along, l->point[side]);
-        if (!add_sample(l, project_on_both(c, x), curve, out, e) ||
-            !add_copies(l, f, c, along, 1, l->hint, out, e))
+        if (!add_sample(l, project_on_both(c, x), curve, out, e) || !add_copies(l, f, c, along, 1, out, e))
             return false;
     }
     return true;
@@ -511,12 +505,7 @@ static bool make_layout(layout *l, const field *f, curve_samples *out, error *e)
     const size_t most = l->request.most;
     l->length = mem_array(l->patches->curve_count, sizeof *l->length, WHAT, e);
     l->first_sample = mem_array(l->patches->curve_count + 1, sizeof *l->first_sample, WHAT, e);
-    size_t most_patches = 0;
-    for (size_t c = 0; c < l->patches->curve_count; c++)
-        most_patches =
-            l->patches->curve[c].patch_count > most_patches ? l->patches->curve[c].patch_count : most_patches;
-    l->hint = mem_array(most_patches, sizeof *l->hint, WHAT, e);
-    if (!l->length || !l->first_sample || !l->hint || !find_corners(l, e)) return false;
+    if (!l->length || !l->first_sample || !find_corners(l, e)) return false;
     l->corner_sample = mem_array(l->corner_count, sizeof *l->corner_sample, WHAT, e);
     if (!l->corner_sample) return false;
     return (l->patches->merges_near_curves ? sample_and_merge(l, f, most, out, e)
@@ -535,7 +524,6 @@ bool curve_samples_make(const field *f, const boundary_request *request, curve_s
     free(l.half);
     free(l.corner_sample);
     free(l.first_sample);
-    free(l.hint);
     free(l.merge_target);
     free(l.corner[0]);
     free(l.corner[1]);
