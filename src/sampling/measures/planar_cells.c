@@ -9,9 +9,10 @@
 /* See planar_cells.h. The error of a polygon grows with the square of the angle between the normals: half of 1
  * minus the cosine is the bound of the edge. With the cosine 0.9 and the edge 0.225 of the solver, half as many
  * cells of strongly bent surfaces are certain. */
-static const voronoi_planar_bounds BOUNDS[] = {{.cosine = 0.8, .edge = 0.1, .near_only = true},
-                                               {.cosine = 0.95, .edge = 0.025, .near_only = true},
-                                               {.cosine = 0.99, .edge = 0.005, .near_only = true}};
+static const voronoi_planar_bounds BOUNDS[] = {
+    {.cosine = PLANAR_CELLS_COSINE, .edge = 0.1, .near_only = true},
+    {.cosine = 0.95, .edge = 0.025, .near_only = true},
+    {.cosine = 0.99, .edge = 0.005, .near_only = true}};
 
 static bool find_star(const voronoi_sites *sites, uint32_t at, voronoi_star *out)
 {

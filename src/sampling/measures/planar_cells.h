@@ -25,6 +25,9 @@
  * at a vacancy 1. */
 #define PLANAR_CELLS_FARTHEST 0.9
 
+/* Minimum cosine between the normals of the points of two certain cells with a common side: 37 degrees. */
+#define PLANAR_CELLS_COSINE 0.8
+
 /* The unit of planar_cell.bend is the area of the cell over this. */
 #define PLANAR_BEND 65535.0
 

@@ -34,10 +34,9 @@ enum { MOST_CORNERS = 3 + MOST_CANDIDATES + 6 };
 static const double LEAST_AREA = 1e-13;
 /* Distances are compared with this relative margin, so that rounding discards no candidate. */
 static const double MARGIN = 1e-9;
-/* No place of a certain cell is farther from its point than its farthest corner times the first value, nor has a
- * normal whose cosine with that of the point is below the second (45 degrees; between neighbours it is at least 0.8).
- * Smaller tolerances withdraw cells where coarse triangles replace a smooth surface. */
-static const double CERTAIN_MARGIN = 1.1, CERTAIN_COSINE = 0.7;
+/* No place of a certain cell is farther from its point than its farthest corner times this. A smaller value withdraws
+ * cells where coarse triangles replace a smooth surface. */
+static const double CERTAIN_MARGIN = 1.1;
 /* Marks an edge of the triangle itself, instead of the index of the point beyond a bisector. */
 #define NO_SITE UINT32_MAX
 
@@ -163,14 +162,15 @@ static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
     return true;
 }
 
-/* Records a certain cell if it contains a place, of triangle `of`, that is too far from its point or turned from its
- * normal. `square`: of the distance. */
-static bool check_certain(descent *d, uint32_t site, double square, const facet *of)
+/* Records a certain cell if it contains a place that is too far from its point, or that is on a side with a point
+ * whose normal differs too much. `square`: of the distance; `behind`: the point of the side, or NO_SITE. */
+static bool check_certain(descent *d, uint32_t site, double square, uint32_t behind)
 {
     task *t = d->to;
     if (!d->known || !d->known[site].certain) return true;
     const double most = CERTAIN_MARGIN * (double)d->known[site].farthest;
-    if (square <= most * most && sites_facing(d->s, site, of->normal, of->patch) >= CERTAIN_COSINE)
+    if (square <= most * most &&
+        (behind == NO_SITE || sites_facing_pair(d->s, site, behind) >= PLANAR_CELLS_COSINE))
         return true;
     if (t->exceeded_count > 0 && t->exceeded[t->exceeded_count - 1] == site) return true;
     uint32_t *grown =
@@ -467,7 +467,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
         if (p.behind[k] == NO_SITE) continue;
         const vec3 from = p.corner[k], to = p.corner[k + 1 < p.count ? k + 1 : 0];
         if (!add_side(d, site, p.behind[k], vec3_norm(vec3_sub(to, from))) ||
-            !check_certain(d, p.behind[k], fmax(vec3_norm2(from), vec3_norm2(to)), t->of))
+            !check_certain(d, p.behind[k], fmax(vec3_norm2(from), vec3_norm2(to)), site))
             return false;
     }
     measure_distances(d, &p, site, t->of);
@@ -564,7 +564,7 @@ static bool push_undominated(descent *d, const part *t, int changed, size_t from
         d->square[d->top++] = own;
     }
     bool ok = true;
-    for (int c = 0; ok && c < 3; c++) ok = check_certain(d, by[c].site, by[c].least, t->of);
+    for (int c = 0; ok && c < 3; c++) ok = check_certain(d, by[c].site, by[c].least, NO_SITE);
     return ok;
 }
 

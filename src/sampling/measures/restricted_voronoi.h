@@ -29,8 +29,8 @@ typedef struct restricted_voronoi {
     double *farthest;
     double missing; /* area of the places farther than COVERAGE_MISSING spacings from all points that are not
                      * on an opposite wall */
-    /* certain cells, also more than once, to which places of the surface belong that are farther from their points
-     * than the cells reach, or turned from them */
+    /* certain cells, also more than once, that contain places farther from their points than their corners, or have
+     * sides with points of other normals */
     uint32_t *exceeded;
     size_t exceeded_count, exceeded_room;
 } restricted_voronoi;

@@ -13,9 +13,8 @@ static const double BEYOND_NEAREST = 0.7;
  * bend of the surface adds to certain cells: on meshes, whose triangles meet in edges between the points, the
  * normals give a third of what the edges add. */
 static const double AREA_TOLERANCE = 5e-4, BEND_TOLERANCE = 1.2;
-/* With a smaller share of certain cells all are computed from triangles: if their areas were wrong, the others
- * would have been computed twice. */
-static const double LEAST_CERTAIN = 0.3;
+/* With a smaller share of certain cells all are computed from triangles: to compute the others takes about as long. */
+static const double LEAST_CERTAIN = 0.7;
 
 static const char what[] = "the measures of the surface";
 

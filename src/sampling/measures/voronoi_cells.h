@@ -2,8 +2,9 @@
 /* voronoi_cells: the Voronoi cells of all points on a surface: those that follow from the points alone with
  * certainty (planar_cells.h), and all others from the triangles of the surface (restricted_voronoi.h).
  *
- * A certain cell is withdrawn, and computed from triangles, if a place of the surface belongs to it that is beyond its
- * corners or turned from its point: a narrow fold has no points of its own. This is repeated until no more are found.
+ * A certain cell is withdrawn, and computed from triangles, if a place of the surface beyond its corners belongs to
+ * it, or if it has a side with a point of another normal: a narrow fold has no points of its own. This is repeated
+ * until no more are found.
  * The cells of a piece must add up to its area. Otherwise a part of it has no points, or bends between them, and all
  * its cells are computed from triangles. Private to measures.c.
  */
