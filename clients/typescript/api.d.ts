@@ -907,7 +907,8 @@ export type JobSpec = {
        * Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the name of
        * an application selects the properties that it reads: blender, houdini, meshlab, or minimal (positions
        * and normals). Default: all that doc/report.md lists, and the attributes; doc/formats.md has further
-       * names. red, green and blue are those of an attribute of colours, else the colours of the preview.
+       * names. red, green and blue are those of an attribute of colours, else the colours of alpha or the
+       * curvature, with the map of the preview.
        */
       properties?: string | string[];
     };
@@ -920,10 +921,12 @@ export type JobSpec = {
       size?: number | number[];
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
-       * particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
-       * given, otherwise curvature.
+       * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
+       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
+       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
+       * otherwise shading.
        */
-      color?: "alpha" | "curvature" | "energy" | "spacing" | "degree";
+      color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
        * The attribute that the colours show instead of color, by its name in the outputs; for a vector, its
        * length. An attribute of type color is shown unchanged. Surfaces with patches also have patch and
@@ -2071,7 +2074,8 @@ export type AnsweredSpec = {
        * Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the name of
        * an application selects the properties that it reads: blender, houdini, meshlab, or minimal (positions
        * and normals). Default: all that doc/report.md lists, and the attributes; doc/formats.md has further
-       * names. red, green and blue are those of an attribute of colours, else the colours of the preview.
+       * names. red, green and blue are those of an attribute of colours, else the colours of alpha or the
+       * curvature, with the map of the preview.
        */
       properties?: string | string[];
     };
@@ -2084,10 +2088,12 @@ export type AnsweredSpec = {
       size?: number | number[];
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
-       * particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
-       * given, otherwise curvature.
+       * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
+       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
+       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
+       * otherwise shading.
        */
-      color?: "alpha" | "curvature" | "energy" | "spacing" | "degree";
+      color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
        * The attribute that the colours show instead of color, by its name in the outputs; for a vector, its
        * length. An attribute of type color is shown unchanged. Surfaces with patches also have patch and

@@ -1096,8 +1096,8 @@ class OutputPly(_OutputPlyRest):
     properties: Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the
         name of an application selects the properties that it reads: blender, houdini, meshlab, or minimal
         (positions and normals). Default: all that doc/report.md lists, and the attributes; doc/formats.md has
-        further names. red, green and blue are those of an attribute of colours, else the colours of the
-        preview.
+        further names. red, green and blue are those of an attribute of colours, else the colours of alpha or
+        the curvature, with the map of the preview.
     """
 
 
@@ -1127,7 +1127,7 @@ class OutputPreviewCamera(_OutputPreviewCameraNeeded, _OutputPreviewCameraRest):
 
 class _OutputPreviewRest(TypedDict, total=False):
     size: Union[int, Sequence[int]]
-    color: Literal["alpha", "curvature", "energy", "spacing", "degree"]
+    color: Literal["alpha", "curvature", "energy", "spacing", "degree", "shading"]
     attribute: str
     range: Sequence[float]
     map: Literal["viridis", "gray", "diverging"]
@@ -1143,8 +1143,10 @@ class OutputPreview(_OutputPreviewRest):
 
     size: The side of a square image, or [width, height]. (pixels) Default: [512, 512].
     color: The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
-        particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
-        given, otherwise curvature.
+        particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
+        the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
+        spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
+        otherwise shading.
     attribute: The attribute that the colours show instead of color, by its name in the outputs; for a vector,
         its length. An attribute of type color is shown unchanged. Surfaces with patches also have patch and
         feature, labels have label_a and label_b.
