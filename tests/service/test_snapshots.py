@@ -72,15 +72,15 @@ def test_a_long_job_has_snapshots_until_it_ends(service):
 
 @pytest.mark.extended
 def test_of_many_points_a_part_is_written(service):
-    job = service.submit({**long_sphere(), "sampling": {"count": 50000}})
+    job = service.submit({**long_sphere(), "sampling": {"count": 150000}})
 
     def full():
         reply = service.get(f"/v1/jobs/{job}/snapshot")
         found = reply.status == 200 and read_snapshot(reply.body)
-        return found if found and found[0]["particles"] == "50000" else None
+        return found if found and found[0]["particles"] == "150000" else None
     _, points = wait_until(full, "all particles")
     service.post(f"/v1/jobs/{job}/cancel")
-    assert 10000 <= len(points) <= 20000
+    assert 50000 <= len(points) <= 100000
     # the spacing is that of the points that are there
     assert numpy.allclose(numpy.median(points["spacing"]) ** 2 * numpy.sqrt(3) / 2 * len(points), 4 * numpy.pi, rtol=0.05)
 
