@@ -66,11 +66,11 @@ client *client_open(const char *server, const char *token, const char *authoriti
     if (token) {
         curl_easy_setopt(c->curl, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
         static const char around[] = " \t\r\n";
-        char *bare = mem_strdup(token + strspn(token, around));
-        for (size_t length = strlen(bare); length && strchr(around, bare[length - 1]); length--)
-            bare[length - 1] = '\0';
-        curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, bare);
-        free(bare);
+        char *trimmed = mem_strdup(token + strspn(token, around));
+        for (size_t length = strlen(trimmed); length && strchr(around, trimmed[length - 1]); length--)
+            trimmed[length - 1] = '\0';
+        curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, trimmed);
+        free(trimmed);
     }
     if (authorities) curl_easy_setopt(c->curl, CURLOPT_CAINFO, authorities);
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);

@@ -21,7 +21,7 @@ typedef struct looking {
     atomic_bool has_double; /* a coordinate is not representable as a float */
 } looking;
 
-static double largest_coordinate(vec3 v)
+double rounding_largest_coordinate(vec3 v)
 {
     return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
 }
@@ -47,7 +47,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
 rounding rounding_at_most(const mesh *m, threads *pool)
 {
     const bbox box = mesh_box(m, pool);
-    const double largest = fmax(largest_coordinate(box.min), largest_coordinate(box.max));
+    const double largest = fmax(rounding_largest_coordinate(box.min), rounding_largest_coordinate(box.max));
     return (rounding){.absolute = map_operations * of_double * largest, .relative = of_float};
 }
 
@@ -64,7 +64,7 @@ double rounding_reach(const rounding *r, const vec3 corner[3])
 {
     double largest = 0, longest = 0;
     for (int k = 0; k < 3; k++) {
-        largest = fmax(largest, largest_coordinate(corner[k]));
+        largest = fmax(largest, rounding_largest_coordinate(corner[k]));
         longest = fmax(longest, vec3_norm2(vec3_sub(corner[k], corner[(k + 1) % 3])));
     }
     const double own = (map_operations * of_double + r->relative) * largest;

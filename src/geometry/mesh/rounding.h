@@ -22,6 +22,9 @@ typedef struct rounding {
 rounding rounding_of(const mesh *m, threads *pool);
 rounding rounding_at_most(const mesh *m, threads *pool);
 
+/* Largest absolute value of the coordinates, on which their rounding depends. */
+double rounding_largest_coordinate(vec3 v);
+
 /* Maximum distance of the rounded corners of a triangle from the line or plane on which their exact positions
  * lie. Each corner has an error of sqrt(3) times that of its coordinates, and the line through them has the
  * same error again. `absolute` counts at most as a millionth of the longest side, so that a part far away does not

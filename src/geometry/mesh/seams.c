@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/rounding.h"
 #include "geometry/space/cell_list.h"
 
 /* Factor on the radius of searches, so that rounding excludes no vertex. */
@@ -74,11 +75,6 @@ static bool list_ends(cutting *c, error *e)
     return true;
 }
 
-static double largest_coordinate(vec3 v)
-{
-    return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
-}
-
 /* Sets c->local. Its other elements are negative. */
 static bool measure_edges(cutting *c, error *e)
 {
@@ -97,8 +93,8 @@ static bool measure_edges(cutting *c, error *e)
         }
     for (size_t k = 0; k < c->end_count; k++) {
         const uint32_t v = c->ends[k].vertex;
-        c->local[v] =
-            of_shortest_edge * c->local[v] + 2 * sqrt(3) * of_float * largest_coordinate(m->vertex[v]);
+        c->local[v] = of_shortest_edge * c->local[v] +
+                      2 * sqrt(3) * of_float * rounding_largest_coordinate(m->vertex[v]);
     }
     return true;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/meta_image.h"
 
+#include <assert.h>
 #include <ctype.h>
 #include <endian.h>
 #include <math.h>
@@ -22,16 +23,18 @@ typedef struct fields {
     char type[WORD_SIZE], unit[WORD_SIZE], orientation[WORD_SIZE];
 } fields;
 
-enum { TEXT_SIZE = 256, ALIASES_MOST = 24, UNUSED_NAMES = 160 };
+enum { TEXT_SIZE = 256, UNUSED_NAMES = 160 };
+/* More than there are different fields. */
+enum { FIELDS_MOST = 24 };
 
-/* What was read of a header so far. */
+/* The state of reading a header. */
 typedef struct parsing {
     fields fields;
     /* the fields that were set: their places in `fields`, keys and values as they are in the file */
     struct {
         size_t offset;
         char key[WORD_SIZE], value[TEXT_SIZE];
-    } set[ALIASES_MOST];
+    } set[FIELDS_MOST];
     int count;
     char unused[UNUSED_NAMES]; /* keys that are not known */
     char *fault;
@@ -129,13 +132,15 @@ static bool take_switch(parsing *p, const char *key, const char *value, bool *ou
 /* Notes that a field is set. Refuses a second value that is another, also by another name of the field. */
 static bool note_set(parsing *p, size_t offset, const char *key, const char *value)
 {
-    for (int k = 0; k < p->count; k++)
-        if (p->set[k].offset == offset && strncmp(p->set[k].value, value, TEXT_SIZE - 1) != 0)
-            return snprintf(
-                       p->fault, META_IMAGE_FAULT_SIZE,
-                       "its fields %.63s = %.50s and %.63s = %.50s contradict each other: remove the wrong one",
-                       p->set[k].key, p->set[k].value, key, value) < 0;
-    if (p->count == ALIASES_MOST) return true; /* each was compared with the first ones */
+    for (int k = 0; k < p->count; k++) {
+        if (p->set[k].offset != offset) continue;
+        return strncmp(p->set[k].value, value, TEXT_SIZE - 1) == 0 ||
+               snprintf(
+                   p->fault, META_IMAGE_FAULT_SIZE,
+                   "its fields %.63s = %.50s and %.63s = %.50s contradict each other: remove the wrong one",
+                   p->set[k].key, p->set[k].value, key, value) < 0;
+    }
+    assert(p->count < FIELDS_MOST);
     p->set[p->count].offset = offset;
     snprintf(p->set[p->count].key, WORD_SIZE, "%s", key);
     snprintf(p->set[p->count++].value, TEXT_SIZE, "%s", value);

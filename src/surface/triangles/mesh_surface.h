@@ -50,7 +50,9 @@ typedef struct mesh_surface_place {
     double distance;          /* of the point from the place */
 } mesh_surface_place;
 
-enum { MESH_SURFACE_PLACES = 8 }; /* patches that are told apart at one place; at corners there may be more */
+enum {
+    MESH_SURFACE_PLACES = 8
+}; /* patches that are distinguished at one place; at corners there may be more */
 
 /* The patches on which x lies, or its nearest place does, ascending (mesh_place.h), at most
  * MESH_SURFACE_PLACES. Returns their number, at least 1; 0 if x is not finite. */
