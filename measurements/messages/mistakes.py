@@ -40,7 +40,7 @@ INSTRUCTION = re.compile(
     r"(?i)(?:^|[.:;,(] ?|\bor |\band |, )(?:add|ask|cancel|check|choose|compare|convert|copy|correct|create|delete|deliver|did you mean|end|export|fetch|give|"
     r"increase|leave|list|listen|lower|make|mark|move|name|pause|resume|omit|open|pass|put|raise|reduce|rename|remove|repair|repeat|replace|report|"
     r"restore|retry|run|sample|save|see|send|set|shorten|smooth|start|stop|submit|try|turn|unset|use|wait|write)\b"
-    r"|\bmust (?:be|have|not|start|name|contain|end)\b|\brequires\b|\brequired\b|\bexcludes\b|\bhexadctl [a-z]+")
+    r"|\bmust (?:be|have|not|start|name|contain|end)\b|\brequires\b|\brequired\b|\bthe members here are\b|\bexcludes\b|\bhexadctl [a-z]+")
 
 
 class World:
@@ -86,6 +86,8 @@ class World:
         put("in/one.nrrd", nrrd("uint8", bytes([1]) * 512))
         put("in/short.nrrd", nrrd("float", bytes(100)))
         put("in/flat.nrrd", nrrd("float", struct.pack("<512f", *[2.0] * 512)))
+        put("in/picture.png", b"\x89PNG\r\n\x1a\n" + bytes(64))
+        put("spec.json", json.dumps(sphere()))
         put("in/scan.dcm", bytes(128) + b"DICM" + bytes(64))
         put("in/short.f32", bytes(40))
         put("in/frame.0001.obj", obj(cube, faces))
@@ -364,6 +366,41 @@ def list_mistakes():
     worker("label meshes without labels", sphere(output={"mesh": True, "label_meshes": True}), spec_2, "/output/label_meshes")
     worker("unknown measure in outcome.require", sphere(outcome={"require": {"hexfraction": {"min": 0.9}}}), spec_2, "/outcome/require")
 
+    # what one tries by analogy with other programs
+    worker("a path as the surface", sphere(surface="in/cube.obj"), spec_2, "its members are vdb, mesh")
+    worker("a path as the mesh", of({"mesh": "in/cube.obj"}), spec_2, '{"path": "in/cube.obj"}')
+    worker("a number as the sampling", sphere(sampling=1000), spec_2, "count")
+    worker("a number as the grading", asks(count=100, curvature=4), spec_2, "ratio")
+    worker("a name as an attribute", sphere(attributes=["weight"]), spec_2, "/attributes/0")
+    worker("an object as the parts of a union", of({"union": sphere()["surface"]}), spec_2, "/surface/union")
+    worker("a union of one part", of({"union": [sphere()["surface"]]}), spec_2, "2 to 64")
+    worker("a number as the grid of a VDB file", vdb("ball.vdb", grid=0), spec_2, "/surface/vdb/grid")
+    worker("an isovalue as text", vdb("ball.vdb", isovalue="0.5"), spec_2, "/surface/vdb/isovalue")
+    worker("a count as text", asks(count="10k"), spec_2, '"10k"')
+    worker("a spacing with a unit", asks(spacing="2mm"), spec_2, '"2mm"')
+    worker("a list of the first and last frame", mesh("frame.####.obj") | {"queue": {"frames": [1, 10]}}, spec_2, "/queue/frames", ["--frame", "1"])
+    worker("frames from the last to the first", mesh("frame.####.obj") | {"queue": {"frames": "10-1"}}, spec_2, "10-1", ["--frame", "1"])
+    worker("units of a mesh", mesh("cube.obj", units="mm"), spec_2, "the members here are path")
+    worker("scale of a mesh", mesh("cube.obj", scale=100), spec_2, "/surface/mesh/scale")
+    worker("translation of a transform", of({"transform": {"surface": sphere()["surface"], "translate": [1, 0, 0]}}), spec_2, "matrix")
+    worker("centre of a region", sphere(region={"center": [0, 0, 0], "size": 1}), spec_2, "inside, min, max")
+    worker("letters of the textbook for a torus", of({"analytic": {"shape": "torus", "R": 1, "r": 0.4}}), spec_2, "/surface/analytic/major_radius")
+    worker("tube of a torus thicker than its ring", of({"analytic": {"shape": "torus", "major_radius": 0.4, "minor_radius": 1}}), spec_2,
+           "major_radius, 0.4")
+    worker("an expression as a formula", of({"analytic": {"expression": "x^2+y^2+z^2-1"}}), spec_2, "expression")
+    worker("a grading by less than 1", asks(count=100, curvature={"ratio": 0.5}), spec_2, "/sampling/curvature/ratio")
+    worker("misspelt pattern", asks(count=100, pattern="bluenoise"), spec_2, "blue_noise")
+    worker("unknown colour of a preview", sphere(output={"preview": {"color": "normals"}}), spec_2, "shading")
+    worker("a format as a member of output", sphere(output={"csv": True}), spec_2, "points_npz")
+    worker("weights in the plural", sphere(attributes=[{"from": "geometry", "name": "weights"}]), spec_2, "weight")
+    worker("given points without a file", asks(count=100, points={"mode": "keep"}), spec_2, "/sampling/points/path")
+    worker("a picture as a mesh", mesh("picture.png"), input_3, "PNG")
+    worker("a solid that misses the surface", sphere(region={"inside": {"analytic": {"shape": "sphere", "radius": 1, "center": [100, 0, 0]}}}),
+           surface_4, "/region/inside")
+    worker("spacing of a mesh far too small", mesh("cube.obj") | {"sampling": {"spacing": 1e-9}}, spec_2, "/sampling/spacing")
+    worker("a path of Windows", mesh("C:\\models\\cube.obj"), "exit 3, input_missing", "C:\\models\\cube.obj")
+    worker("a web address as a path", of({"mesh": {"path": "https://example.com/cube.obj"}}), "exit 3, input_missing", "example.com")
+
     # sequences
     worker("frames without ####", mesh("cube.obj") | {"queue": {"frames": "1-10"}}, spec_2, "####", ["--frame", "1"])
     worker("frames in another notation", mesh("frame.####.obj") | {"queue": {"frames": "1..10"}}, spec_2, "/queue/frames", ["--frame", "1"])
@@ -415,6 +452,7 @@ def list_mistakes():
     # words of hexad-worker
     worker_words("spec file that does not exist", ["run", "sepc.json", "--output", "result"], "exit ", "sepc.json")
     worker_words("no output directory", ["run", "spec.json"], "exit 2, spec_invalid", "--output")
+    worker_words("mesh instead of a spec", ["run", "in/cube.obj", "--output", "result"], spec_2, "hexad-worker sample in/cube.obj")
     worker("output that is a file", sphere(), "exit ", "in/cube.obj", ["--output", "in/cube.obj"])
     worker_words("misspelt option", ["run", "-", "--ouput", "result"], "exit 2, spec_invalid", "--ouput")
     worker_words("unknown command", ["smaple", "spec.json"], "exit 2, spec_invalid", "smaple")
@@ -459,6 +497,20 @@ def list_mistakes():
     control("sample by count and spacing", ["sample", "in/cube.obj", "--count", "100", "--spacing", "1"], "exit 2", "--spacing")
     control("count as a word", ["sample", "in/cube.obj", "--count", "many"], "exit 2", "many")
     control("grading that does not exist", ["sample", "in/cube.obj", "--grade", "feature"], "exit 2", "feature")
+    control("grading by a word", ["sample", "in/cube.obj", "--grade", "curvature=high"], "exit 2", "high")
+    control("grading by less than 1", ["sample", "in/cube.obj", "--grade", "curvature=0.5"], "exit 2", "0.5")
+    control("misspelt pattern", ["sample", "in/cube.obj", "--pattern", "bluenoise"], "exit 2", "bluenoise")
+    control("count in thousands", ["sample", "in/cube.obj", "--count", "10k"], "exit 2", "10k")
+    control("spacing 0", ["sample", "in/cube.obj", "--spacing", "0"], "exit 2", "spacing")
+    control("sample without a file", ["sample"], "exit 2", "FILE")
+    control("sample of two files", ["sample", "in/cube.obj", "in/open.obj"], "exit 2", "in/open.obj")
+    control("sample with a misspelt member", ["sample", "in/cube.obj", "--set", "/sampling/cuont=5"], "exit 2", "cuont")
+    control("sample of a spec", ["sample", "spec.json"], "exit 2", "spec.json")
+    control("mesh instead of a spec", ["submit", "in/cube.obj"], "exit 2", "hexadctl sample in/cube.obj")
+    control("frames of a spec without ####", ["submit", "-", "--frames", "1-3"], "exit 2", "####", text=json.dumps(sphere()))
+    control("dependency by a name that no job has", ["submit", "-", "--depends-on", "trefoli"], "exit 4", "trefoli", text=json.dumps(sphere()))
+    control("wait without an id", ["wait"], "exit 2", "ID")
+    control("cancel of a name that no job has", ["cancel", "trefoli", "--yes"], "exit 4", "trefoli")
     control("beginning of an id that does not exist", ["show", "01arz3ndek"], "exit 4", "01arz3ndek")
     control("beginning of several ids", ["show", "{beginning}"], "exit 2", "PREFIX")
     control("cancel of a job that ended", ["cancel", "{ended}"], "exit 4", "ID")

@@ -126,10 +126,10 @@ static char *read_spec(const char *path, const char *given, const command_option
                  : is_standard_input(path) ? read_input(length, &e)
                                            : store_file_read(path, SPEC_LIMIT_BYTES, length, &e);
     json *document = text ? json_parse(text, *length, &e) : NULL;
-    if (!text) {
+    if (!document) {
+        if (text) error_prefix(&e, "%s: a spec must be a valid JSON document", name_of(path));
+        if (!given) sample_spec_advise("hexadctl", path, &e);
         print_failure("%s", e.message);
-    } else if (!document) {
-        print_failure("%s: a spec must be a valid JSON document: %s", name_of(path), e.message);
         free(text);
         text = NULL;
     } else if (has_changes(options)) {

@@ -417,10 +417,12 @@ static spec *load_spec(FILE *file, const arguments *a, spec_faults *faults, erro
 {
     size_t length;
     char *text = read_spec(file, a->spec_path, &length, e);
-    if (!text) return NULL;
-    json *document = json_parse(text, length, e);
+    json *document = text ? json_parse(text, length, e) : NULL;
+    if (!document && !a->meshes) {
+        if (text) error_prefix(e, "a spec must be a valid JSON document");
+        sample_spec_advise("hexad-worker", a->spec_path, e);
+    }
     free(text);
-    if (!document && !a->meshes) error_prefix(e, "a spec must be a valid JSON document");
     if (document && a->meshes) {
         json *report = document;
         document = attached_spec(a, report, e);

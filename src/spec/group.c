@@ -255,13 +255,56 @@ static void note_surface(reading *r, const json_at *at, const char *group)
     json_pointer(&path, *pointer, sizeof((spec_fault *)0)->pointer);
 }
 
+/* Whether a member can be a value of this type. */
+static bool has_type(const spec_row *row, json_type type)
+{
+    switch (row->type) {
+    case SPEC_TYPE_STRING:
+        return type == JSON_STRING;
+    case SPEC_TYPE_NUMBER:
+    case SPEC_TYPE_INTEGER:
+    case SPEC_TYPE_LARGE:
+        return type == JSON_NUMBER;
+    default:
+        return false;
+    }
+}
+
+/* The required member that can be a value of this type, or the only member that can. Else NULL. */
+static const spec_row *member_of_type(const spec_row *first, json_type type)
+{
+    const spec_row *found = NULL;
+    size_t count = 0;
+    for (const spec_row *row = first; row; row = spec_row_next(row)) {
+        if (!has_type(row, type)) continue;
+        if (row->flags & SPEC_REQUIRED) return row;
+        found = row;
+        count++;
+    }
+    return count == 1 ? found : NULL;
+}
+
+/* Adds the fault that a value is not an object. It shows an object with the value, or lists the members. */
+static void refuse_value(reading *r, const json_at *at, const spec_row *first)
+{
+    char members[RULES_LIST_MAX];
+    const spec_row *row = member_of_type(first, json_type_of(*at));
+    char *value = row ? json_print(at->node) : NULL;
+    rules_list_members(first, members);
+    if (value && strlen(value) <= READING_SHOWN_MAX)
+        reading_add_mismatch(r, at, "must be an object such as {\"%s\": %s}", spec_row_key(row), value);
+    else
+        reading_add_mismatch(r, at, "must be an object; its members are %s", members);
+    free(value);
+}
+
 /* Reads the members of a group, of which `first` is the first one. */
 static void read_members(reading *r, const json_at *at, const char *group, const spec_row *first,
                          json *normal)
 {
     size_t before = r->total;
     if (at->node && json_type_of(*at) != JSON_OBJECT) {
-        reading_add_mismatch(r, at, "must be an object");
+        refuse_value(r, at, first);
         return;
     }
     unsigned skipped = rules_check_names(r, at, group, first);

@@ -29,9 +29,12 @@ static size_t depth(const char *pointer)
 }
 
 /* A member of the group with nearly that name. Else the member of that name elsewhere with the fewest steps
- * in its pointer, if it is the only one. Else NULL. */
+ * in its pointer, if it is the only one. A member of a kind of surface belongs to no group outside of
+ * /surface. Else NULL. */
 static const char *suggestion(const char *group, const char *key)
 {
+    static const char surfaces[] = "/surface/";
+    const bool outside = *group && strncmp(group, surfaces, strlen(surfaces) - 1) != 0;
     const char *elsewhere = NULL;
     size_t least = SIZE_MAX;
     nearest_name nearest = nearest_name_to(key, strlen(key));
@@ -39,34 +42,33 @@ static const char *suggestion(const char *group, const char *key)
         const char *name = spec_row_key(&spec_rows[i]), *pointer = spec_rows[i].pointer;
         if (spec_row_is_member(&spec_rows[i], group)) nearest_name_offer(&nearest, name);
         if (strcmp(key, name) != 0 || depth(pointer) > least) continue;
+        if (outside && strncmp(pointer, surfaces, strlen(surfaces)) == 0) continue;
         elsewhere = depth(pointer) < least ? pointer : NULL;
         least = depth(pointer);
     }
     return nearest.name ? nearest.name : elsewhere;
 }
 
-/* Lists the members of a group. False: the list does not fit into a message. */
-static bool list_members(const char *group, char list[READING_SHOWN_MAX])
+void rules_list_members(const spec_row *first, char list[RULES_LIST_MAX])
 {
     size_t used = 0;
-    for (const spec_row *row = spec_row_first(group); row && used < READING_SHOWN_MAX;
-         row = spec_row_next(row))
-        used += (size_t)snprintf(list + used, READING_SHOWN_MAX - used, "%s%s", used ? ", " : "",
-                                 spec_row_key(row));
-    return used > 0 && used < READING_SHOWN_MAX;
+    *list = '\0';
+    for (const spec_row *row = first; row && used < RULES_LIST_MAX; row = spec_row_next(row))
+        used +=
+            (size_t)snprintf(list + used, RULES_LIST_MAX - used, "%s%s", used ? ", " : "", spec_row_key(row));
+    if (used >= RULES_LIST_MAX) snprintf(list, RULES_LIST_MAX, "listed by hexad-worker spec-help");
 }
 
 static void unknown_member(reading *r, const json_at *at, const char *group)
 {
-    char key[READING_SHOWN_MAX + 4], members[READING_SHOWN_MAX];
+    char key[READING_SHOWN_MAX + 4], members[RULES_LIST_MAX];
     const char *instead = suggestion(group, at->key);
     reading_shorten(at->key, key);
+    rules_list_members(spec_row_first(group), members);
     if (instead)
         reading_add_fault(r, at, "unknown member '%s': did you mean '%s'?", key, instead);
-    else if (list_members(group, members))
-        reading_add_fault(r, at, "unknown member '%s': the members here are %s", key, members);
     else
-        reading_add_fault(r, at, "unknown member '%s'", key);
+        reading_add_fault(r, at, "unknown member '%s': the members here are %s", key, members);
 }
 
 /* Adds faults for members that are unknown or not supported. Stops after SPEC_MAX_FAULTS unknown ones, since

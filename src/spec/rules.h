@@ -6,6 +6,13 @@
 
 #include "base/json/json.h"
 #include "spec/reading.h"
+#include "spec/spec_table.h"
+
+enum { RULES_LIST_MAX = 256 }; /* maximum bytes of a list of members in a message */
+
+/* Writes the names of the members of a group, of which `first` is the first one, or where they are listed,
+ * if they are too many for a message. */
+void rules_list_members(const spec_row *first, char list[RULES_LIST_MAX]);
 
 /* Adds faults for unknown members of the object, and for too many or too few of the members that exclude
  * each other. Returns a bit for each choice of which more than one member is given: these members may be

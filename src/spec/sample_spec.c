@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "spec/spec_table.h"
 
@@ -191,4 +192,15 @@ json *sample_spec_make(const json *inspection, const char *path, const sample_op
         return NULL;
     }
     return document;
+}
+
+void sample_spec_advise(const char *program, const char *path, error *e)
+{
+    const file_format_row *row = &file_formats[file_format_of_name(path)];
+    const bool is_surface =
+        row->kind == FILE_FORMAT_MESHES || row->kind == FILE_FORMAT_GRIDS || row->kind == FILE_FORMAT_VOLUMES;
+    if (!is_surface || row->reading == FILE_FORMAT_NOT_READ) return;
+    error_set(e, ERROR_SPEC_INVALID,
+              "%s is the name of a file in the format %s, and a spec is a JSON document: run %s sample %s",
+              path, row->name, program, path);
 }

@@ -50,6 +50,10 @@ json *sample_spec_make(const json *inspection, const char *path, const sample_op
 /* Whether the options have the right form, which needs no inspection. Error spec_invalid. */
 bool sample_spec_check(const sample_options *options, error *e);
 
+/* Replaces the error of a file that was given as a spec and is none, if its name is that of a mesh or volume:
+ * the command `sample` of the program takes such files. */
+void sample_spec_advise(const char *program, const char *path, error *e);
+
 /* The name of the file without directories and extension (".nii.gz" is one); the caller frees it. It is the
  * name of the job, and the directory of its result by default. */
 char *sample_spec_stem(const char *path);

@@ -430,7 +430,7 @@ static void test_attributes(void **state)
     expect_attribute("{\"from\":\"geometry\",\"name\":\"heat\"}", "/attributes/1/name", "direction1");
     expect_attribute("{\"name\":\"b\",\"type\":\"words\"}", "/attributes/1/type", "must be one of");
     expect_attribute("{\"name\":\"b\",\"kind\":1}", "/attributes/1/kind", "unknown member");
-    expect_attribute("7", "/attributes/1", "must be an object");
+    expect_attribute("7", "/attributes/1", "must be an object; its members are from, name, as");
 }
 
 static void labels_are_neither_cut_nor_combined(void **state)
@@ -476,6 +476,8 @@ static void test_unknown_member_in_every_group(void **state)
         "\"radius\":1}},\"matrix\":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}},\"sampling\":{\"count\":10}}",
         ERROR_SPEC_INVALID, "/surface/transform/scale",
         "unknown member 'scale': the members here are surface, matrix");
+    expect_fault(SPHERE ",\"region\":{\"center\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/center",
+                 "unknown member 'center': the members here are inside, min, max");
     expect_fault(SPHERE ",\"\":1}", ERROR_SPEC_INVALID, "/", "unknown member ''");
     expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b",
                  "unknown member 'a/b'");
@@ -848,7 +850,11 @@ static void test_faults(void **state)
 {
     (void)state;
     const error_code invalid = ERROR_SPEC_INVALID;
-    expect_fault("[]", invalid, "", "must be an object (given an array of 0)");
+    expect_fault("[]", invalid, "", "must be an object; its members are version, name, surface");
+    expect_fault("{\"surface\":\"a.obj\"}", invalid, "/surface", "its members are vdb, mesh, analytic");
+    expect_fault("{\"surface\":{\"mesh\":\"a.obj\"}}", invalid, "/surface/mesh",
+                 "must be an object such as {\"path\": \"a.obj\"} (given \"a.obj\")");
+    expect_fault("{\"sampling\":1000}", invalid, "/sampling", "(given 1000)");
     expect_fault("{}", invalid, "/version", "is required and must be 1");
     expect_fault("{}", invalid, "/surface", "is required and must be an object");
     expect_fault("{}", invalid, "/sampling", "is required and must be an object");
