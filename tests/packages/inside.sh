@@ -35,6 +35,17 @@ job = hexad.Client().submit({"version": 1, "surface": {"analytic": {"shape": "sp
 assert job.outcome == "converged" and job.points().count == 500'
 }
 
+# The page and the API on the port, with the token that the command prints.
+opens_the_port() {
+    hexad --open-port alice >opened && cat opened && python3 -c '
+import sys, urllib.request
+token = sys.stdin.readline().strip()
+page = urllib.request.urlopen("http://127.0.0.1:8642/").read()
+assert b"<title>hexad" in page, page[:200]
+jobs = urllib.request.Request("http://127.0.0.1:8642/v1/jobs", headers={"Authorization": "Bearer " + token})
+assert urllib.request.urlopen(jobs).status == 200' <opened && hexadctl list
+}
+
 # As if an earlier build had been installed by hand: its state, and no more.
 takes_over_a_state() {
     systemctl stop hexad.socket hexad.service
@@ -92,6 +103,7 @@ check "the packages are installed" install /srv/earlier/*.deb
 check "socket and service are enabled" is_enabled
 check "a job by hexadctl" runs_a_job
 check "a job by Python" runs_a_job_of_python
+check "the port is opened with a first token" opens_the_port
 check "the state of an earlier build is taken over" takes_over_a_state
 check "an upgrade goes on with running jobs and keeps settings" is_upgraded
 check "hexad-worker works without the daemon" works_without_the_daemon
