@@ -105,7 +105,7 @@ static void the_nearest_box_is_found(void **state)
             box_tree_walk w;
             for (size_t k = 0; k < t.count; k++) least = fmin(least, box_tree_distance2(&box[k], x));
             box_tree_begin_near(&t, &w, x);
-            while (box_tree_next_near(&t, &w, x, found))
+            while (box_tree_next_near(&t, &w, found))
                 for (size_t k = w.first; k < w.end; k++, visited++)
                     found = fmin(found, box_tree_distance2(&box[t.order[k]], x));
             assert_true(found == least);

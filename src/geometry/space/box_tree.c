@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "geometry/space/box_tree.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/core/memory.h"
@@ -16,7 +17,7 @@ static size_t nodes_for(size_t count)
 
 size_t box_tree_bytes(size_t count)
 {
-    return count * sizeof(uint32_t) + nodes_for(count) * sizeof(bbox);
+    return count * sizeof(uint32_t) + nodes_for(count) * sizeof(box_tree_bounds);
 }
 
 /* The items from which a tree is built. */
@@ -25,6 +26,25 @@ typedef struct items {
     box_tree_box *box_of;
     const void *context;
 } items;
+
+/* The nearest floats are at most half of the distance between neighbouring floats away: the next ones are beyond
+ * x, also after rounding errors of x. */
+static float below(double x)
+{
+    return nextafterf((float)x, -INFINITY);
+}
+
+static float above(double x)
+{
+    return nextafterf((float)x, INFINITY);
+}
+
+static box_tree_bounds bounds_of(bbox box, vec3 middle)
+{
+    const vec3 min = vec3_sub(box.min, middle), max = vec3_sub(box.max, middle);
+    return (box_tree_bounds){{below(min.x), below(min.y), below(min.z)},
+                             {above(max.x), above(max.y), above(max.z)}};
+}
 
 /* Builds a node of the items order[first] .. order[first + count - 1]. */
 static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t count)
@@ -39,13 +59,17 @@ static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t
         box = bbox_unite(build(t, i, 2 * node + 1, first, half),
                          build(t, i, 2 * node + 2, first + half, count - half));
     }
-    return t->box[node] = box;
+    t->box[node] = bounds_of(box, t->middle);
+    return box;
 }
 
 bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
                    const char *what, box_tree *out, error *e)
 {
+    bbox centres = bbox_empty();
+    for (size_t k = 0; k < count; k++) centres = bbox_include(centres, centre[k]);
     box_tree t = {count, mem_array(count, sizeof *t.order, what, e),
+                  count > 0 ? vec3_scale(vec3_add(centres.min, centres.max), 0.5) : (vec3){0, 0, 0},
                   mem_array(nodes_for(count), sizeof *t.box, what, e)};
     if (!t.order || !t.box) {
         box_tree_free(&t);
@@ -68,7 +92,12 @@ void box_tree_extend(box_tree *t, size_t at, vec3 x)
 {
     box_tree_node n = {0, 0, t->count, 0}, left, right;
     for (;;) {
-        t->box[n.node] = bbox_include(t->box[n.node], x);
+        box_tree_bounds *box = &t->box[n.node];
+        for (int axis = 0; axis < 3; axis++) {
+            const double to = vec3_get(x, axis) - vec3_get(t->middle, axis);
+            box->min[axis] = fminf(box->min[axis], below(to));
+            box->max[axis] = fmaxf(box->max[axis], above(to));
+        }
         if (n.count <= BOX_TREE_LEAF) return;
         box_tree_halves(&n, &left, &right);
         n = at < right.first ? left : right;

@@ -5,7 +5,9 @@
  * A node is divided into two of equal numbers of items across the longest side of the box of their centres. A
  * search is a walk: it returns the leaves that may have items of interest, and the caller tests these items.
  * box_tree_next_near visits the nearer child of a node first; the other walks visit the first one first.
- * Complexity for n items: construction O(n log n); memory 4 n + 48 m bytes, where n / 2 - 1 <= m <= n is the
+ * Boxes are stored as floats relative to the middle of the tree, rounded outwards: they contain their items, and
+ * trees far from the origin of the coordinates are as exact as others.
+ * Complexity for n items: construction O(n log n); memory 4 n + 24 m bytes, where n / 2 - 1 <= m <= n is the
  * number of nodes; a search O(log n + items found) if few boxes overlap, O(n) at worst.
  * Searches: any number of threads, while box_tree_extend does not run.
  */
@@ -23,10 +25,16 @@
  * triangle. BOX_TREE_DEEPEST: capacity of the stack of a walk, which suffices for 2^32 items. */
 enum { BOX_TREE_LEAF = 4, BOX_TREE_DEEPEST = 64 };
 
+/* The box of a node, relative to the middle of its tree. */
+typedef struct box_tree_bounds {
+    float min[3], max[3];
+} box_tree_bounds;
+
 typedef struct box_tree {
-    size_t count;    /* of items */
-    uint32_t *order; /* the items; those of a node are consecutive */
-    bbox *box;       /* of node k, which has the children 2 k + 1 and 2 k + 2; node 0 is the root */
+    size_t count;         /* of items */
+    uint32_t *order;      /* the items; those of a node are consecutive */
+    vec3 middle;          /* of all items */
+    box_tree_bounds *box; /* of node k, which has the children 2 k + 1 and 2 k + 2; node 0 is the root */
 } box_tree;
 
 /* Returns the box of an item. */
@@ -51,6 +59,7 @@ typedef struct box_tree_node {
 /* A walk over leaves. The present leaf has the items order[first] .. order[end - 1]. */
 typedef struct box_tree_walk {
     size_t first, end;
+    vec3 place; /* of the search, relative to the middle of the tree; only of box_tree_begin_near */
     int depth;
     box_tree_node stack[BOX_TREE_DEEPEST];
 } box_tree_walk;
@@ -70,12 +79,21 @@ static inline double box_tree_distance2(const bbox *b, vec3 p)
     return vec3_norm2(d);
 }
 
+/* Squared distance of p from a node; p is relative to the middle of the tree. */
+static inline double box_tree_node_distance2(const box_tree_bounds *b, vec3 p)
+{
+    const vec3 d = {box_tree_outside(b->min[0], b->max[0], p.x), box_tree_outside(b->min[1], b->max[1], p.y),
+                    box_tree_outside(b->min[2], b->max[2], p.z)};
+    return vec3_norm2(d);
+}
+
 /* Begins a walk to a place p, for box_tree_next_near. (The stack is not initialised: that would take longer
  * than most searches.) */
 static inline void box_tree_begin_near(const box_tree *t, box_tree_walk *w, vec3 p)
 {
     w->depth = 1;
-    w->stack[0] = (box_tree_node){0, 0, t->count, box_tree_distance2(&t->box[0], p)};
+    w->place = vec3_sub(p, t->middle);
+    w->stack[0] = (box_tree_node){0, 0, t->count, box_tree_node_distance2(&t->box[0], w->place)};
 }
 
 /* Begins another walk. */
@@ -99,9 +117,9 @@ static inline void box_tree_halves(const box_tree_node *n, box_tree_node *left, 
     *right = (box_tree_node){2 * n->node + 2, n->first + half, n->count - half, 0};
 }
 
-/* Moves to the next leaf whose squared distance from p is less than `bound2`, which may decrease during the
- * walk. False: there is none. */
-static inline bool box_tree_next_near(const box_tree *t, box_tree_walk *w, vec3 p, double bound2)
+/* Moves to the next leaf whose squared distance from the place of the walk is less than `bound2`, which may
+ * decrease during the walk. False: there is none. */
+static inline bool box_tree_next_near(const box_tree *t, box_tree_walk *w, double bound2)
 {
     while (w->depth > 0) {
         const box_tree_node n = w->stack[--w->depth];
@@ -112,8 +130,8 @@ static inline bool box_tree_next_near(const box_tree *t, box_tree_walk *w, vec3 
         }
         box_tree_node left, right;
         box_tree_halves(&n, &left, &right);
-        left.distance2 = box_tree_distance2(&t->box[left.node], p);
-        right.distance2 = box_tree_distance2(&t->box[right.node], p);
+        left.distance2 = box_tree_node_distance2(&t->box[left.node], w->place);
+        right.distance2 = box_tree_node_distance2(&t->box[right.node], w->place);
         const bool left_first = left.distance2 < right.distance2;
         w->stack[w->depth++] = left_first ? right : left;
         w->stack[w->depth++] = left_first ? left : right;
@@ -127,12 +145,21 @@ static inline void box_tree_push_both(box_tree_walk *w, const box_tree_node *n)
     w->depth += 2;
 }
 
+/* The box of a node. */
+static inline bbox box_tree_box_at(const box_tree *t, size_t node)
+{
+    const box_tree_bounds *b = &t->box[node];
+    return (bbox){vec3_add(t->middle, vec3_make(b->min[0], b->min[1], b->min[2])),
+                  vec3_add(t->middle, vec3_make(b->max[0], b->max[1], b->max[2]))};
+}
+
 /* Moves to the next leaf whose box has a common point with `where`. False: there is none. */
 static inline bool box_tree_next_meeting(const box_tree *t, box_tree_walk *w, const bbox *where)
 {
     while (w->depth > 0) {
         const box_tree_node n = w->stack[--w->depth];
-        if (!bbox_meet(&t->box[n.node], where)) continue;
+        const bbox box = box_tree_box_at(t, n.node);
+        if (!bbox_meet(&box, where)) continue;
         if (n.count <= BOX_TREE_LEAF) {
             box_tree_set_leaf(w, &n);
             return true;
@@ -165,7 +192,8 @@ static inline bool box_tree_next_crossed(const box_tree *t, box_tree_walk *w, ve
 {
     while (w->depth > 0) {
         const box_tree_node n = w->stack[--w->depth];
-        if (!box_tree_is_crossed(&t->box[n.node], p, d)) continue;
+        const bbox box = box_tree_box_at(t, n.node);
+        if (!box_tree_is_crossed(&box, p, d)) continue;
         if (n.count <= BOX_TREE_LEAF) {
             box_tree_set_leaf(w, &n);
             return true;

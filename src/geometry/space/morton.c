@@ -32,12 +32,14 @@ static uint64_t spread(uint64_t v)
 }
 
 typedef struct sort_job {
-    const vec3 *x;
+    morton_place *place;
+    const void *context;
     size_t count, parts;
     threads *pool;
     int bits, shift; /* bits of a digit; position of the current digit */
     double scale;
     vec3 low;
+    bbox box[PARTS];
     uint64_t *key;
     const uint32_t *from; /* order before the pass; NULL: the order of the input */
     uint32_t *to;
@@ -49,12 +51,23 @@ static size_t part_begin(const sort_job *j, size_t part)
     return j->count * part / j->parts;
 }
 
+static void bound_part(void *context, int worker, size_t part, size_t end)
+{
+    sort_job *j = context;
+    (void)worker;
+    for (; part < end; part++) {
+        j->box[part] = bbox_empty();
+        for (size_t i = part_begin(j, part); i < part_begin(j, part + 1); i++)
+            j->box[part] = bbox_include(j->box[part], j->place(j->context, i));
+    }
+}
+
 static void key_part(void *context, int worker, size_t part, size_t end)
 {
     const sort_job *j = context;
     (void)worker;
     for (size_t i = part_begin(j, part); i < part_begin(j, end); i++) {
-        vec3 d = vec3_scale(vec3_sub(j->x[i], j->low), j->scale);
+        vec3 d = vec3_scale(vec3_sub(j->place(j->context, i), j->low), j->scale);
         j->key[i] = spread((uint64_t)d.x) | spread((uint64_t)d.y) << 1 | spread((uint64_t)d.z) << 2;
     }
 }
@@ -108,17 +121,33 @@ static void sort_digit(sort_job *j, const uint32_t *from, int shift, uint32_t *t
 
 static void find_keys(sort_job *j)
 {
-    const bbox box = bbox_of_points(j->x, j->count, j->pool);
+    bbox box = bbox_empty();
+    threads_run(j->pool, j->parts, 1, bound_part, j);
+    /* a stopped pool skipped parts; the keys must fit their bits */
+    if (threads_stopped(j->pool)) threads_run(NULL, j->parts, 1, bound_part, j);
+    for (size_t part = 0; part < j->parts; part++) box = bbox_unite(box, j->box[part]);
     const double size = bbox_longest(box), cells = (double)((1 << j->bits) - 1);
     j->scale = size > 0 ? cells / size : 0;
     j->low = box.min;
     threads_run(j->pool, j->parts, 1, key_part, j);
 }
 
+static vec3 place_in_array(const void *context, size_t k)
+{
+    return ((const vec3 *)context)[k];
+}
+
 bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e)
 {
+    return morton_order_of(place_in_array, x, count, pool, order, e);
+}
+
+bool morton_order_of(morton_place *place, const void *context, size_t count, threads *pool, uint32_t *order,
+                     error *e)
+{
     const char *what = "the order of points";
-    sort_job j = {.x = x,
+    sort_job j = {.place = place,
+                  .context = context,
                   .count = count,
                   .parts = count < FEW ? 1 : PARTS,
                   .pool = count < FEW ? NULL : pool,

@@ -21,4 +21,11 @@
  * Error: limit_memory. */
 bool morton_order(const vec3 *x, size_t count, threads *pool, uint32_t *order, error *e);
 
+/* The position of point k; called by any thread. */
+typedef vec3 morton_place(const void *context, size_t k);
+
+/* morton_order of points whose positions are computed, several times each. */
+bool morton_order_of(morton_place *place, const void *context, size_t count, threads *pool, uint32_t *order,
+                     error *e);
+
 #endif

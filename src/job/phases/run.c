@@ -27,6 +27,7 @@ static bool relax(job *j, error *e)
 static bool measure_result(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_MEASURE);
+    source_end_solving(&j->source);
     return j->spec->time_s > 0 ||
            job_measure(j, &j->solution, e); /* with a time as target, runs have been measured */
 }

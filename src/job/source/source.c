@@ -875,6 +875,11 @@ const mesh *source_closed_mesh(const source *s)
     return p && p->closed && p->nonmanifold_edges == 0 ? &p->m : NULL;
 }
 
+void source_end_solving(source *s)
+{
+    if (s->whole.mesh) mesh_surface_drop_shapes(s->whole.mesh);
+}
+
 const mesh_surface *source_triangles(const source *s)
 {
     const source_part *p = &s->whole;

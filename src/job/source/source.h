@@ -83,6 +83,10 @@ bool source_open(const spec *s, const store_roots *roots, const source_memory_li
                  threads *pool, source *out, error *e);
 void source_close(source *s);
 
+/* Frees the second derivatives of a mesh that is sampled on its triangles: after the solve, the curvature of the
+ * points is that of mesh_curvature.h. */
+void source_end_solving(source *s);
+
 /* Opens another input for reading; requires the roots. Returns its descriptor, or -1 and an error. */
 int source_open_file(source *s, const char *path, error *e);
 

@@ -344,8 +344,8 @@ static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, 
 typedef struct choice {
     facets_need need;
     const void *context;
+    const facets *f;
     uint32_t *kept;
-    vec3 *middle;
     size_t count;
 } choice;
 
@@ -375,24 +375,28 @@ static void choose_items(const facets *f, choice *c)
         }
         const facets_item item = describe_item(f, (uint32_t)k);
         if (!(item.area > 0) || (c->need && !c->need(c->context, &item))) continue;
-        c->kept[c->count] = (uint32_t)k;
-        c->middle[c->count++] = item.centre;
+        c->kept[c->count++] = (uint32_t)k;
     }
+}
+
+static vec3 middle_of_kept(const void *context, size_t k)
+{
+    const choice *c = context;
+    double radius;
+    return item_sphere(c->f, c->kept[k], &radius);
 }
 
 /* The chosen items in Morton order of their middles. */
 static bool order_items(facets *f, facets_need need, const void *context, threads *pool, error *e)
 {
     const size_t all = facets_total(f);
-    choice c = {need, context, mem_array(all, sizeof *c.kept, what, e),
-                mem_array(all, sizeof *c.middle, what, e), 0};
-    bool ok = c.kept && c.middle;
+    choice c = {need, context, f, mem_array(all, sizeof *c.kept, what, e), 0};
+    bool ok = c.kept != NULL;
     if (ok) choose_items(f, &c);
     uint32_t *order = ok ? mem_array(c.count + 1, sizeof *order, what, e) : NULL;
-    ok = order && (c.count == 0 || morton_order(c.middle, c.count, pool, order, e));
+    ok = order && (c.count == 0 || morton_order_of(middle_of_kept, &c, c.count, pool, order, e));
     for (size_t k = 0; ok && k < c.count; k++) order[k] = c.kept[order[k]];
     free(c.kept);
-    free(c.middle);
     f->item = order;
     f->item_count = ok ? c.count : 0;
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));

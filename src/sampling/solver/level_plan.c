@@ -70,7 +70,7 @@ static double started_share(const surface *scan, const double *weight, size_t co
                             size_t all)
 {
     double share = 0;
-    if (!scan->parts.order) return (double)count < MIN_IN_PART ? 0 : 1;
+    if (!scan->parts.begin) return (double)count < MIN_IN_PART ? 0 : 1;
     for (size_t c = 0; c < scan->parts.count; c++) {
         double part = surface_part_share(scan, weight, c);
         if (part * (double)count >= MIN_IN_PART)
@@ -217,7 +217,7 @@ bool level_plan_make(const field *f, const surface *scan, const solver_params *p
         finest_first[out->count++] = next;
     }
     for (int k = 0; k < out->count; k++) out->particles[k] = finest_first[out->count - 1 - k];
-    return together || !scan->parts.order || out->count == 1 || assign_parts(out, scan, weight, e);
+    return together || !scan->parts.begin || out->count == 1 || assign_parts(out, scan, weight, e);
 }
 
 void level_plan_free(level_plan *l)

@@ -215,14 +215,23 @@ static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads 
     return ok;
 }
 
+static bool is_sorted(const uint32_t *part, size_t cells)
+{
+    bool sorted = true;
+    for (size_t k = 1; sorted && k < cells; k++) sorted = part[k - 1] <= part[k];
+    return sorted;
+}
+
 /* Sorts the cells by part. `part`: the part of each cell, less than out->count. */
 static bool sort_cells(const uint32_t *part, size_t cells, components *out, error *e)
 {
-    out->order = mem_array(cells, sizeof *out->order, what, e);
     out->begin = mem_array(out->count + 1, sizeof *out->begin, what, e);
-    if (!out->order || !out->begin) return false;
+    if (!out->begin) return false;
     for (uint32_t k = 0; k < cells; k++) out->begin[part[k] + 1]++;
     for (size_t c = 0; c < out->count; c++) out->begin[c + 1] += out->begin[c];
+    if (is_sorted(part, cells)) return true;
+    out->order = mem_array(cells, sizeof *out->order, what, e);
+    if (!out->order) return false;
     for (uint32_t k = 0; k < cells; k++) out->order[out->begin[part[k]]++] = k;
     /* begin[c] has advanced to the end of part c */
     for (size_t c = out->count; c > 0; c--) out->begin[c] = out->begin[c - 1];

@@ -15,10 +15,10 @@
 
 typedef struct components {
     size_t count; /* of parts */
-    /* the cells, part after part, ascending within each part; NULL: one part, cells in their own order, no
-     * patches */
+    /* the cells, part after part, ascending within each part; NULL: cells in their own order, as those of meshes */
     uint32_t *order;
-    size_t *begin; /* count + 1 values: the start of each part in `order` */
+    /* count + 1 values: the start of each part in that order; NULL: one part, no patches */
+    size_t *begin;
 } components;
 
 /* Free *out also after failure. Errors: limit_memory, cancelled. Deterministic. */

@@ -293,7 +293,7 @@ vec3 surface_cell_middle(const surface *s, size_t k, double *radius)
 
 bool surface_cell_group(const surface *s, size_t k, size_t *end, vec3 *middle, double *radius)
 {
-    return s->field->ops->cell_group && !s->parts.order &&
+    return s->field->ops->cell_group && !s->parts.begin &&
            s->field->ops->cell_group(s->field, k, end, middle, radius);
 }
 

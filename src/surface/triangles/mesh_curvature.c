@@ -34,7 +34,6 @@ enum { VISITED = 1024, SLOTS = 4 * VISITED, SLOT_SHIFT = 32 - 12, SECTOR_MOST = 
 typedef struct site {
     uint32_t triangle;
     uint8_t corner;
-    mesh_curvature_value value;
 } site;
 
 struct mesh_curvature {
@@ -42,7 +41,8 @@ struct mesh_curvature {
     mesh_facets facets;
     uint32_t (*site_of)[3]; /* per corner of a triangle: the index of its site plus 1; 0: not requested */
     site *site;
-    size_t count, room;
+    mesh_curvature_value *value; /* of each site */
+    size_t count, room;          /* room: of `site` */
 };
 
 mesh_curvature *mesh_curvature_new(const mesh *m, const uint32_t (*beside)[3], double crease, threads *pool,
@@ -64,6 +64,7 @@ void mesh_curvature_free(mesh_curvature *c)
     smooth_sides_free(&c->sides);
     free(c->site_of);
     free(c->site);
+    free(c->value);
     free(c);
 }
 
@@ -341,7 +342,7 @@ static int least_corners(const attempt *how)
 
 /* Takes the fit of a lane, if it is good enough. */
 static bool take_lane(const jet_lanes *j, int lane, jet found, int corners, const attempt *how,
-                      const frame *f, site *out)
+                      const frame *f, mesh_curvature_value *out)
 {
     const int most = corners < JET_ROWS ? corners : JET_ROWS;
     if (how->is_strip) {
@@ -350,8 +351,8 @@ static bool take_lane(const jet_lanes *j, int lane, jet found, int corners, cons
         const int least = how->degree > 2 ? least_corners(how) : jet_coefficients(how->degree);
         if (most < least || !(jet_condition(j, lane, how->degree) >= LEAST_CONDITION)) return false;
     }
-    out->value = value_of(&found, f);
-    return out->value.defined;
+    *out = value_of(&found, f);
+    return out->defined;
 }
 
 /* Fits up to JET_LANES sites. Removes those that were fitted from the list; returns the number of others. */
@@ -364,7 +365,7 @@ static int fit_lanes(mesh_curvature *c, neighbourhood *n, jet_lanes *j, const at
     memset(j, 0, offsetof(jet_lanes, factor));
     for (int l = 0; l < count; l++) {
         const site *of = &c->site[list[l]];
-        n->normal = of->value.normal;
+        n->normal = c->value[list[l]].normal;
         begin_neighbourhood(n, of);
         grow(n, least_corners(how), how->further);
         f[l] = frame_of(n);
@@ -375,7 +376,7 @@ static int fit_lanes(mesh_curvature *c, neighbourhood *n, jet_lanes *j, const at
     jet_factor(j);
     jet_solve(j, how->degree, found);
     for (int l = 0; l < count; l++)
-        if (corners[l] == 0 || !take_lane(j, l, found[l], corners[l], how, &f[l], &c->site[list[l]]))
+        if (corners[l] == 0 || !take_lane(j, l, found[l], corners[l], how, &f[l], &c->value[list[l]]))
             list[left++] = list[l];
     return left;
 }
@@ -396,10 +397,11 @@ static void fit_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     n->c = c;
     for (size_t k = begin; k < end; k++) {
-        site *s = &c->site[job->first + k];
+        const site *s = &c->site[job->first + k];
         bool is_flat;
-        s->value = (mesh_curvature_value){.normal = sector_normal(c, s->triangle, s->corner, &is_flat)};
-        s->value.defined = is_flat;
+        mesh_curvature_value *value = &c->value[job->first + k];
+        *value = (mesh_curvature_value){.normal = sector_normal(c, s->triangle, s->corner, &is_flat)};
+        value->defined = is_flat;
         if (!is_flat) list[count++] = (uint32_t)(job->first + k);
     }
     for (int a = 0; a < ATTEMPTS && count > 0; a++) {
@@ -418,12 +420,24 @@ static void fit_chunk(void *context, int worker, size_t begin, size_t end)
     free(j);
 }
 
+/* Makes room for the values of sites from `first` on. */
+static bool add_values(mesh_curvature *c, size_t first, error *e)
+{
+    mesh_curvature_value *all = mem_array(c->count + 1, sizeof *all, what, e);
+    if (!all) return false;
+    if (first > 0) memcpy(all, c->value, first * sizeof *all);
+    free(c->value);
+    c->value = all;
+    return true;
+}
+
 bool mesh_curvature_prepare(mesh_curvature *c, const uint32_t *triangle, size_t count, threads *pool,
                             error *e)
 {
     const fitting job = {c, c->count};
     for (size_t k = 0; k < count; k++)
         if (!request_triangle(c, triangle[k], e)) return false;
+    if (!add_values(c, job.first, e)) return false;
     threads_run(pool, c->count - job.first, GRAIN, fit_chunk, (void *)&job);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
@@ -438,15 +452,10 @@ static sym3 turn(sym3 m, vec3 n, vec3 to)
     return add(add(m, outer(-2 * over, mh, h)), outer(over * over * vec3_dot(h, mh), h, h));
 }
 
-static const site *site_at(const mesh_curvature *c, uint32_t triangle, uint32_t corner)
+/* The value of a corner, on the side of the normal. */
+static mesh_curvature_value value_on_side(const mesh_curvature *c, const mesh_facet_corner *of, vec3 normal)
 {
-    return &c->site[c->site_of[triangle][corner] - 1];
-}
-
-/* The value of a site, on the side of the normal. */
-static mesh_curvature_value value_on_side(const site *s, vec3 normal)
-{
-    mesh_curvature_value v = s->value;
+    mesh_curvature_value v = c->value[c->site_of[of->triangle][of->corner] - 1];
     if (!(vec3_dot(v.normal, normal) < 0)) return v;
     v.normal = vec3_scale(v.normal, -1);
     v.shape =
@@ -473,7 +482,7 @@ static void add_normal(void *context, const mesh_facet_corner *corner, double we
         *p = (first_pass){.c = p->c, .side = p->side};
         return;
     }
-    const mesh_curvature_value v = value_on_side(site_at(p->c, corner->triangle, corner->corner), p->side);
+    const mesh_curvature_value v = value_on_side(p->c, corner, p->side);
     p->all += weight;
     if (!v.defined) return;
     p->defined += weight;
@@ -487,7 +496,7 @@ static void add_shape(void *context, const mesh_facet_corner *corner, double wei
         p->shape = (sym3){0};
         return;
     }
-    const mesh_curvature_value v = value_on_side(site_at(p->c, corner->triangle, corner->corner), p->side);
+    const mesh_curvature_value v = value_on_side(p->c, corner, p->side);
     if (!v.defined) return;
     const sym3 turned = turn(v.shape, v.normal, p->normal);
     p->shape = add(p->shape, (sym3){weight * turned.xx, weight * turned.yy, weight * turned.zz,

@@ -12,7 +12,6 @@
 #include "geometry/mesh/mesh_edges.h"
 #include "surface/triangles/mesh_place.h"
 #include "surface/triangles/triangle_tree.h"
-#include "surface/triangles/mesh_place.h"
 #include "surface/triangles/mesh_refinement.h"
 #include "geometry/space/triangle.h"
 
@@ -50,13 +49,18 @@ typedef struct corner_weights {
     uint16_t of[2];
 } corner_weights;
 
-enum { WHOLE = 1 << 15, BLOCK = 1 << 16 }; /* BLOCK: pieces */
+enum { WHOLE = 1 << 15, BLOCK = 1 << 16, STRIDE = 64 }; /* BLOCK, STRIDE: pieces */
 
 /* A part of a triangle. */
 typedef struct piece {
     uint32_t triangle;
     corner_weights corner[3];
 } piece;
+
+/* A triangle with several pieces: the number of its first piece, and its index in `pieces`. */
+typedef struct divided_triangle {
+    uint32_t number, stored;
+} divided_triangle;
 
 /* A vertex with its unit normal. They are stored together because they are mostly read together. */
 typedef struct surface_vertex {
@@ -81,13 +85,17 @@ struct mesh_surface {
     patch_field *patch;
     triangle_forest *trees; /* those of the patches */
     surface_vertex *at;     /* per vertex */
-    sym3 *shape;            /* per vertex: the shape operator, symmetric and tangential */
+    sym3 *shape;            /* per vertex: the shape operator, symmetric and tangential; or NULL: dropped */
     bool *at_end;           /* per vertex: the patch ends there */
     uint32_t (*beside)[3]; /* per triangle: the triangle that shares the edge from corner k, or NO_TRIANGLE */
-    size_t
-        whole_count; /* triangles before the first divided one: each is a piece itself, and not in `pieces` */
-    piece **pieces;  /* in blocks: reallocating one array would need the memory twice */
+    size_t cell_count; /* pieces of all triangles, in their order; an undivided triangle is a piece itself */
+    /* pieces of the divided triangles, in blocks: reallocating one array would need the memory twice */
+    piece **pieces;
     size_t piece_count, block_room; /* piece_count: of `pieces` */
+    divided_triangle *divided;
+    size_t divided_count, divided_room;
+    /* of every STRIDE-th piece: the number of divided triangles that begin before it */
+    uint32_t *divided_before;
 };
 
 static piece whole_triangle(size_t n)
@@ -102,7 +110,14 @@ static piece *cut_piece_at(const mesh_surface *s, size_t k)
 
 static piece piece_at(const mesh_surface *s, size_t k)
 {
-    return k < s->whole_count ? whole_triangle(k) : *cut_piece_at(s, k - s->whole_count);
+    size_t next = s->divided_before[k / STRIDE];
+    while (next < s->divided_count && s->divided[next].number <= k) next++;
+    if (next == 0) return whole_triangle(k);
+    const divided_triangle *last = &s->divided[next - 1];
+    const size_t end = next < s->divided_count ? s->divided[next].stored : s->piece_count,
+                 at = last->stored + (k - last->number);
+    return at < end ? *cut_piece_at(s, at)
+                    : whole_triangle(cut_piece_at(s, last->stored)->triangle + 1 + at - end);
 }
 
 /* The patch of triangle n: the last that begins at or before it. */
@@ -430,6 +445,10 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
     out->value = distance_along(&f);
     out->gradient = f.normal;
     if (order != FIELD_HESSIAN) return;
+    if (!s->shape) {
+        out->hessian = (sym3){0};
+        return;
+    }
     sym3 shape = {0};
     for (int k = 0; k < 3; k++) {
         const uint32_t v = s->mesh.m.triangle[n][k];
@@ -626,7 +645,7 @@ static vec3 place_of(const mesh_surface *s, uint32_t n, corner_weights w)
 static size_t count_cells(const field *f)
 {
     const mesh_surface *s = (const mesh_surface *)f;
-    return s->whole_count + s->piece_count;
+    return s->cell_count;
 }
 
 static int cell_triangles(const field *f, size_t k, vec3 out[FIELD_CELL_TRIANGLES][3])
@@ -693,11 +712,9 @@ static bool is_whole(const piece *p)
 
 static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
 {
-    if (s->whole_count + s->piece_count == c->most) return refuse_pieces(c, e);
-    if (s->piece_count == 0 && is_whole(p)) {
-        s->whole_count++;
-        return true;
-    }
+    if (s->cell_count == c->most) return refuse_pieces(c, e);
+    s->cell_count++;
+    if (is_whole(p)) return true;
     if (s->piece_count % BLOCK == 0) {
         const size_t block = s->piece_count / BLOCK;
         piece **grown = mem_grow(s->pieces, block, &s->block_room, sizeof *grown, what, e);
@@ -745,6 +762,27 @@ static size_t triangle_bytes(const mesh_surface *s)
            m->vertex_count * (sizeof(vec3) + sizeof *s->at + sizeof *s->shape);
 }
 
+static bool add_divided(mesh_surface *s, size_t number, size_t stored, error *e)
+{
+    divided_triangle *grown =
+        mem_grow(s->divided, s->divided_count, &s->divided_room, sizeof *grown, what, e);
+    if (!grown) return false;
+    s->divided = grown;
+    s->divided[s->divided_count++] = (divided_triangle){(uint32_t)number, (uint32_t)stored};
+    return true;
+}
+
+/* Makes the index of piece_at. */
+static bool index_pieces(mesh_surface *s, error *e)
+{
+    s->divided_before = mem_array(s->cell_count / STRIDE + 1, sizeof *s->divided_before, what, e);
+    for (size_t k = 0, before = 0; s->divided_before && k <= s->cell_count / STRIDE; k++) {
+        while (before < s->divided_count && s->divided[before].number < k * STRIDE) before++;
+        s->divided_before[k] = (uint32_t)before;
+    }
+    return s->divided_before != NULL;
+}
+
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
@@ -755,10 +793,12 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const piece all = whole_triangle(n);
         const uint32_t *t = m->triangle[n];
-        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e))
+        const size_t number = s->cell_count, stored = s->piece_count;
+        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e) ||
+            (s->piece_count > stored && !add_divided(s, number, stored, e)))
             return false;
     }
-    return true;
+    return index_pieces(s, e);
 }
 
 /* Refines the triangles where the surface bends, to sides of at most `longest`, then computes the vertex
@@ -894,7 +934,15 @@ void mesh_surface_free(mesh_surface *s)
     free(s->beside);
     for (size_t k = 0; k * BLOCK < s->piece_count; k++) free(s->pieces[k]);
     free(s->pieces);
+    free(s->divided);
+    free(s->divided_before);
     free(s);
+}
+
+void mesh_surface_drop_shapes(mesh_surface *s)
+{
+    free(s->shape);
+    s->shape = NULL;
 }
 
 const field *mesh_surface_field(const mesh_surface *s)
@@ -999,5 +1047,5 @@ size_t mesh_surface_bytes(const mesh_surface *s)
 {
     size_t trees = triangle_forest_bytes(s->trees);
     for (size_t k = 0; k < s->mesh.count; k++) trees += triangle_tree_bytes(s->patch[k].tree);
-    return trees + triangle_bytes(s) + s->piece_count * sizeof(piece);
+    return trees + triangle_bytes(s) + s->piece_count * sizeof(piece) + s->divided_count * sizeof *s->divided;
 }

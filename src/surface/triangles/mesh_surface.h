@@ -26,6 +26,9 @@ typedef struct mesh_surface mesh_surface;
 mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e);
 void mesh_surface_free(mesh_surface *s); /* accepts NULL */
 
+/* Frees the shape operators: the second derivatives of the field are 0 then. No other thread uses the surface. */
+void mesh_surface_drop_shapes(mesh_surface *s);
+
 const field *mesh_surface_field(const mesh_surface *s);
 /* The patches, with refined triangles. */
 const mesh_patches *mesh_surface_patches(const mesh_surface *s);

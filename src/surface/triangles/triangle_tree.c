@@ -127,7 +127,7 @@ static inline size_t search(const triangle_tree *n, vec3 p, double *nearest, tri
     size_t found = n->mesh->triangle_count;
     double best = *nearest;
     box_tree_begin_near(tree, &w, p);
-    while (box_tree_next_near(tree, &w, p, best))
+    while (box_tree_next_near(tree, &w, best))
         for (size_t k = w.first; k < w.end; k++) {
             const triangle t = triangle_of(n->mesh, tree->order[k]);
             if (is_beyond(&t, p, best)) continue;
@@ -225,7 +225,7 @@ static void visit_tree(const triangle_tree *n, size_t number, vec3 p, double dis
     const double beyond = nextafter(distance2, INFINITY);
     box_tree_walk w;
     box_tree_begin_near(tree, &w, p);
-    while (box_tree_next_near(tree, &w, p, beyond))
+    while (box_tree_next_near(tree, &w, beyond))
         for (size_t k = w.first; k < w.end; k++) {
             const triangle t = triangle_of(n->mesh, tree->order[k]);
             if (triangle_distance2(&t, p) <= distance2) visit(context, number, tree->order[k], &t);
@@ -252,6 +252,7 @@ size_t triangle_tree_bytes(const triangle_tree *n)
 
 struct triangle_forest {
     const triangle_tree **tree;
+    bbox box;       /* of all trees */
     box_tree boxes; /* of the trees */
 };
 
@@ -268,7 +269,9 @@ triangle_forest *triangle_forest_new(const triangle_tree *const *tree, size_t co
     vec3 *middle = mem_array(count, sizeof *middle, what, e);
     n->tree = mem_array(count, sizeof *n->tree, what, e);
     bool ok = middle && n->tree;
+    n->box = bbox_empty();
     for (size_t k = 0; ok && k < count; k++) {
+        n->box = bbox_unite(n->box, tree[k]->box);
         n->tree[k] = tree[k];
         middle[k] = vec3_scale(vec3_add(tree[k]->box.min, tree[k]->box.max), 0.5);
     }
@@ -310,7 +313,7 @@ static forest_result search_forest(const triangle_forest *n, vec3 p, forest_resu
     box_tree_walk w;
     double bound2 = nextafter(yet.distance2, INFINITY); /* trees at the same distance are searched, too */
     box_tree_begin_near(&n->boxes, &w, p);
-    while (box_tree_next_near(&n->boxes, &w, p, bound2))
+    while (box_tree_next_near(&n->boxes, &w, bound2))
         for (size_t k = w.first; k < w.end; k++)
             if (search_tree(n, n->boxes.order[k], p, &yet)) bound2 = nextafter(yet.distance2, INFINITY);
     return yet;
@@ -332,7 +335,7 @@ bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double with
     triangle found;
     box_tree_walk w;
     box_tree_begin_near(&n->boxes, &w, p);
-    while (box_tree_next_near(&n->boxes, &w, p, best))
+    while (box_tree_next_near(&n->boxes, &w, best))
         for (size_t k = w.first; k < w.end; k++) {
             const triangle_tree *tree = n->tree[n->boxes.order[k]];
             if (!(box_tree_distance2(&tree->box, p) < best)) continue;
@@ -370,7 +373,7 @@ void triangle_forest_visit_near(const triangle_forest *n, vec3 p, double distanc
 {
     box_tree_walk w;
     box_tree_begin_near(&n->boxes, &w, p);
-    while (box_tree_next_near(&n->boxes, &w, p, nextafter(distance2, INFINITY)))
+    while (box_tree_next_near(&n->boxes, &w, nextafter(distance2, INFINITY)))
         for (size_t k = w.first; k < w.end; k++) {
             const size_t tree = n->boxes.order[k];
             if (box_tree_distance2(&n->tree[tree]->box, p) <= distance2)
@@ -380,7 +383,7 @@ void triangle_forest_visit_near(const triangle_forest *n, vec3 p, double distanc
 
 bbox triangle_forest_box(const triangle_forest *n)
 {
-    return n->boxes.box[0];
+    return n->box;
 }
 
 size_t triangle_forest_bytes(const triangle_forest *n)
