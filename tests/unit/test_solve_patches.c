@@ -368,6 +368,29 @@ static void point_on_a_curve_without_a_gap_moves_inwards(void **state)
     solve_free(&out);
 }
 
+/* With few particles there are gaps between the samples of a curve. Beyond the edges of its face a particle
+ * would be outside of the cube. */
+static void particles_never_leave_their_patch(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 20; seed++) {
+        solver_params params = solve_defaults;
+        params.count = seed % 2 ? 20 : 45;
+        params.seed = seed;
+        make_cube(&cube);
+        solve x;
+        solve_begin(&cube.base, &params, 1, NULL, &x);
+        while (!solver_ended(x.solver)) {
+            solve_step(&x);
+            const solver_particles now = solver_current_particles(x.solver);
+            for (size_t i = 0; i < now.count; i++)
+                for (int axis = 0; axis < 3; axis++)
+                    assert_true(fabs(vec3_get(now.position[i], axis)) < 0.5 + 1e-3 * now.spacing);
+        }
+        solve_free(&x);
+    }
+}
+
 /* ---- points on curves */
 
 /* Corners, curves and faces of a cube: each point has a copy for each patch that meets there, and the mean of
@@ -553,6 +576,7 @@ int main(void)
         cmocka_unit_test(hold_refuses_a_given_start),
         cmocka_unit_test(point_on_a_curve_moves_to_a_gap),
         cmocka_unit_test(point_on_a_curve_without_a_gap_moves_inwards),
+        cmocka_unit_test(particles_never_leave_their_patch),
         cmocka_unit_test(points_on_curves_have_a_copy_for_each_patch),
         cmocka_unit_test(every_patch_has_a_point),
         cmocka_unit_test(points_of_a_mesh_at_one_place_are_separated),

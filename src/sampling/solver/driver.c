@@ -32,8 +32,7 @@ static schedule_position position(const solver *s)
                                s->state.has_many_defects,
                                s->setup.params.graded,
                                relax_has_divergent_normals(s->scratch.relax),
-                               relax_has_mostly_divergent_normals(s->scratch.relax),
-                               s->state.p->patch != NULL};
+                               relax_has_mostly_divergent_normals(s->scratch.relax)};
 }
 
 /* ---- rounds */
@@ -176,8 +175,7 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
                                         .levels = s->state.plan.count,
                                         .stage = SCHEDULE_STAGES - 1,
                                         .count = s->state.plan.particles[level],
-                                        .has_amplitudes = s->setup.params.graded,
-                                        .has_patches = at.has_patches};
+                                        .has_amplitudes = s->setup.params.graded};
         left += schedule_expected_sweeps(given, &then, 0, NULL) * (double)then.count;
     }
     s->state.fraction = fmax(s->state.fraction, s->state.updates / (s->state.updates + left));

@@ -13,12 +13,12 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1}, LEAST
 static const double LAMBDA_BEGINS = -3;
 
 /* Values of all schedules. */
-#define COMMON                                                                                          \
-    .gain = 1e-8, .repeated_share = 0.25, .omega_shake = 2.6, .longest_step = 0.05,                     \
-    .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,               \
-    .sweeps_most_on_patches = 90, .defects_count = 5e3, .defects_sweeps = 3, .defects_sweeps_most = 50, \
-    .graded_sweeps = 6, .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01,             \
-    .limited_wait = 12, .skin_wide = 0.3, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
+#define COMMON                                                                                \
+    .gain = 1e-8, .repeated_share = 0.25, .omega_shake = 2.6, .longest_step = 0.05,           \
+    .one_sweep_count = 2.15e5, .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120,     \
+    .defects_count = 5e3, .defects_sweeps = 3, .defects_sweeps_most = 50, .graded_sweeps = 6, \
+    .defects_least = 0.03, .defects_most = 0.25, .limited_share = 0.01, .limited_wait = 12,   \
+    .skin_wide = 0.3, .skin_narrow = 0.2, .skin_steps = 6, .divergent_share = 0.9
 
 /* omega: 1.8 takes three times the sweeps; 3.0 is slower near convergence. rest_lambda: section 7, step 2. */
 #define PAPER COMMON, .omega = 2.6, .rest_lambda = 14, .renewal_share = 0.25
@@ -73,7 +73,7 @@ static double plain_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
     const double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
-    return fmin(fmax(sweeps, s->sweeps_least), at->has_patches ? s->sweeps_most_on_patches : s->sweeps_most);
+    return fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
 }
 
 /* The factor on the sweeps of a level with many defects. */

@@ -43,11 +43,10 @@ typedef struct schedule {
     double longest_step;
 
     /* Least sweeps of a level of n particles: (one_sweep_count / n)^sweeps_fall, rounded down and clamped to
-     * sweeps_least .. sweeps_most, on surfaces with patches to sweeps_least .. sweeps_most_on_patches (with
-     * 120, hex_fraction of meshes at 2 000 points is 0.004 higher, and the time a tenth longer). The paper's
-     * criterion and schedule_continued do not use them. A larger sweeps_fall gives more sweeps, since levels
-     * beyond one_sweep_count have sweeps_least. */
-    double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most, sweeps_most_on_patches;
+     * sweeps_least .. sweeps_most. (With sweeps_most = 90, hex_fraction of meshes at 1 000 and 2 000 points is
+     * 0.003 lower, and the time a tenth shorter.) The paper's criterion and schedule_continued do not use
+     * them. A larger sweeps_fall gives more sweeps, since levels beyond one_sweep_count have sweeps_least. */
+    double one_sweep_count, sweeps_fall, sweeps_least, sweeps_most;
     /* After these sweeps the defect fraction (particles without six neighbours) of a level of at least
      * defects_count particles is compared with defects_least and defects_most. Between them the level takes
      * defects_sweeps times as many sweeps, once, but at most defects_sweeps_most more: further sweeps hardly
@@ -109,7 +108,6 @@ typedef struct schedule_position {
     bool has_amplitudes;      /* of curvature: solver_params.graded */
     bool is_divergent;        /* relax_has_divergent_normals */
     bool is_mostly_divergent; /* relax_has_mostly_divergent_normals */
-    bool has_patches;         /* the surface consists of patches */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)

@@ -15,7 +15,9 @@ static const double SKIP_STEP = 0.01;
  * quarter is skipped, and hex_fraction falls by 0.001. Four times: the relaxation stops. */
 static const double SKIP_AROUND = 6;
 
-/* Moves an independent set: fast steps first, then guarded steps in lanes, then damped steps. */
+/* Moves an independent set: fast steps first, then guarded steps in lanes, then damped steps. On patches, while
+ * steps are unlimited, particles near curves and with divergent normals take fast steps, too: energies may rise
+ * in these sweeps, and a damped step takes five times as long. */
 static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, size_t count, block_sums *sums)
 {
     uint32_t divergent[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST], general[INDEPENDENT_SET_MOST];
@@ -24,6 +26,7 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     const bool *near_boundary = p->near_boundary;
     const uint8_t *flags = job->r->flags, *flat = job->r->flat;
     const skip_state *skipping = job->skipping;
+    const bool is_fast = p->patch && job->params->shaken;
     for (size_t k = 0; k < count; k++) {
         const uint32_t i = items[k];
         if (particles_is_fixed(p, i))
@@ -31,7 +34,7 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
         else if (skipping && skipping[i].is_skipped) {
             sums->energy += (double)skipping[i].energy;
             sums->lambda += (double)p->lambda[i];
-        } else if (near_boundary[i] || (flags[i] & RELAX_GUARDED))
+        } else if ((near_boundary[i] && !is_fast) || (flags[i] & RELAX_GUARDED))
             general[general_count++] = i;
         else if (flat[i])
             smooth[smooth_count++] = i;
@@ -43,7 +46,12 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
         relax_guarded_steps(job, divergent, divergent_count, divergent_count + smooth_count, sums);
         smooth_count = divergent_count = 0;
     }
-    if (smooth_count > 0) smooth_count = relax_fast_step(job, smooth, smooth_count, sums);
+    if (divergent_count > 0 && is_fast) {
+        memcpy(divergent + divergent_count, smooth, smooth_count * sizeof *smooth);
+        divergent_count = relax_fast_step(job, divergent, divergent_count + smooth_count, true, sums);
+        smooth_count = 0;
+    }
+    if (smooth_count > 0) smooth_count = relax_fast_step(job, smooth, smooth_count, false, sums);
     for (size_t k = 0; k < smooth_count; k++) divergent[divergent_count++] = smooth[k];
     if (divergent_count > 0 && job->r->guards_in_lanes) {
         relax_guarded_steps(job, divergent, divergent_count, divergent_count, sums);

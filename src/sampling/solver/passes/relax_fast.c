@@ -71,6 +71,19 @@ static void sample_lanes(const sweep_job *job, const uint32_t *items, size_t cou
     }
 }
 
+/* Clears is_valid of the steps of particles near curves that leave their patch. */
+static void stay_on_patches(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
+                            fast_kernel_step *step)
+{
+    particles *p = job->p;
+    for (size_t l = first; p->patch && l < count; l++) {
+        const uint32_t i = items[l];
+        if (!p->near_boundary[i] || !step->is_valid[l]) continue;
+        const field *patch = particles_field(p, job->params->field, i);
+        step->is_valid[l] = field_is_within_near(patch, vec3_lanes_get(&step->end, (int)l), &p->hint[i]);
+    }
+}
+
 void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first, size_t count,
                       const fast_kernel_particles *own, const fast_kernel_forces *forces,
                       bool stays[FAST_KERNEL_LANES], block_sums *sums)
@@ -84,6 +97,7 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
     for (size_t l = count; l < FAST_KERNEL_LANES; l++) step.is_valid[l] = false;
     sample_lanes(job, items, count, &step);
     k->project(own, &params, &step);
+    stay_on_patches(job, items, first, count, &step);
     for (size_t l = first; l < count; l++) {
         stays[l] = !step.is_valid[l];
         if (stays[l]) continue;
@@ -96,12 +110,14 @@ void relax_fast_steps(const sweep_job *job, const uint32_t *items, size_t first,
     *sums = more;
 }
 
-size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums)
+size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, bool has_divergent,
+                       block_sums *sums)
 {
-    const fast_kernel_params params = fast_step_params(job->r, job->params);
+    fast_kernel_params params = fast_step_params(job->r, job->params);
     fast_kernel_particles own;
     fast_kernel_forces forces;
     bool stays[FAST_KERNEL_LANES];
+    params.has_facing = has_divergent && !job->r->ignores_normals;
     relax_fill_lanes(job->r, job->p, items, count, &own);
     job->r->fast->forces(job->r->near->place, &own, &params, &forces);
     relax_fast_steps(job, items, 0, count, &own, &forces, stays, sums);

@@ -88,10 +88,11 @@ struct relax {
     bool ignores_normals; /* relax_ignore_normals */
     cached_steps cached;
     bool guards_in_lanes;  /* guarded steps are taken in SIMD lanes */
+    bool uses_normals;     /* the kernel uses the normals of all particles in sweeps */
     bool mostly_divergent; /* if so: at least half of the particles have divergent neighbour normals */
     bool has_amplitudes;   /* amplitudes differ from 1, and the fast kernel is used */
-    /* with guards_in_lanes or has_amplitudes: factors for the kernel, set by relax_copy_factors. Sweeps
-     * update the normals if guards_in_lanes is set. */
+    /* with uses_normals or has_amplitudes: factors for the kernel, set by relax_copy_factors. Sweeps update
+     * the normals if uses_normals is set. */
     fast_kernel_factors *factors;
     gather *scratch; /* per worker thread */
     size_t scratch_entries;
@@ -112,9 +113,11 @@ pair_list *relax_gather_list(const relax *r, const particles *p, int worker, siz
 /* Moves particle i by a damped step in double precision, if one decreases its energy. */
 void relax_update_particle(const sweep_job *job, int worker, size_t i, block_sums *sums);
 
-/* Moves a set of independent particles without divergent neighbour normals by the fast kernel. Particles
- * whose step fails do not move: `items` receives them. Returns their number. */
-size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums);
+/* Moves a set of independent particles by the fast kernel. `has_divergent`: some have divergent neighbour
+ * normals; pairs have facing weights, which do not turn with the step. Particles whose step fails do not move:
+ * `items` receives them. Returns their number. */
+size_t relax_fast_step(const sweep_job *job, uint32_t *items, size_t count, bool has_divergent,
+                       block_sums *sums);
 
 /* (11)(12) in the tangent frame: the step along the two axes. Returns the decrease of energy by the
  * quadratic model. */
@@ -140,11 +143,10 @@ static inline fast_kernel_factors relax_factors(const particles *p, size_t i)
 /* Copies the normals and amplitudes of all particles for the kernel, if it uses them. */
 void relax_copy_factors(relax *r, const particles *p);
 
-/* Copies the factors of particle i after it has moved. Without guarded steps in lanes the kernel does not use
- * normals. */
+/* Copies the factors of particle i after it has moved, if the kernel uses normals. */
 static inline void relax_copy_normal(relax *r, const particles *p, size_t i)
 {
-    if (r->guards_in_lanes) r->factors[i] = relax_factors(p, i);
+    if (r->uses_normals) r->factors[i] = relax_factors(p, i);
 }
 
 /* Distance that particle i may move while the lists remain valid. */

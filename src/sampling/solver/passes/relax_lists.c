@@ -138,13 +138,14 @@ void relax_clear_displaced(relax *r)
     r->displaced_count = r->relocated_count = 0;
 }
 
-/* Sets guards_in_lanes and mostly_divergent. */
+/* Sets guards_in_lanes, uses_normals and mostly_divergent. */
 static void choose_lanes(relax *r, const particles *p)
 {
     const bool may_use_lanes = r->fast && !p->patch && p->count >= MIN_LANES_COUNT;
-    const double share = may_use_lanes ? relax_divergent_share(r, p) : 0;
-    r->guards_in_lanes = share > LANES_SHARE;
-    r->mostly_divergent = share >= RELAX_MOSTLY_DIVERGENT;
+    const double share = r->fast ? relax_divergent_share(r, p) : 0;
+    r->guards_in_lanes = may_use_lanes && share > LANES_SHARE;
+    r->uses_normals = r->guards_in_lanes || (p->patch && share > 0);
+    r->mostly_divergent = may_use_lanes && share >= RELAX_MOSTLY_DIVERGENT;
 }
 
 /* Whether an amplitude differs from 1. */
@@ -180,7 +181,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
         if (r->flags[i] & RELAX_RELOCATED) mark_neighbourhood(r, p, i);
     choose_lanes(r, p);
     r->has_amplitudes = r->fast && any_amplitudes(p);
-    const bool has_factors = r->guards_in_lanes || r->has_amplitudes;
+    const bool has_factors = r->uses_normals || r->has_amplitudes;
     if (has_factors && !r->factors)
         r->factors = mem_array(r->near->capacity, sizeof *r->factors, "neighbour lists", e);
     return !has_factors || r->factors;
@@ -196,7 +197,7 @@ static void copy_factors_chunk(void *context, int worker, size_t begin, size_t e
 void relax_copy_factors(relax *r, const particles *p)
 {
     sweep_job job = {.r = r, .p = (particles *)p};
-    if (r->has_amplitudes || (r->guards_in_lanes && !r->ignores_normals))
+    if (r->has_amplitudes || (r->uses_normals && !r->ignores_normals))
         threads_run(r->pool, p->count, THREADS_GRAIN, copy_factors_chunk, &job);
 }
 
