@@ -5,7 +5,7 @@
  *     two_ways SPEC.json DIRECTORY [COUNT]
  *
  * The modules are loaded from the directory of the program or the library directory. It is started again as the reader
- * of meshes. */
+ * of meshes and of headers of volumes. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,6 +17,7 @@
 #include "base/core/reader.h"
 #include "files/file.h"
 #include "io/meshes/mesh_reader.h"
+#include "io/volumes/volume_header.h"
 #include "job/phases/job.h"
 #include "job/phases/run_options.h"
 #include "job/report/outcome.h"
@@ -125,6 +126,8 @@ int main(int count, char **words)
 {
     static job_phase *const phases[] = {job_load, start, job_solve, measure_both};
     error e = {0};
+    if (count > 1 && strcmp(words[1], VOLUME_HEADER_COMMAND) == 0)
+        return reader_run_module(VOLUME_HEADER_MODULE, "header_reader_main", count - 1, words + 1);
     if (count > 1 &&
         (strcmp(words[1], MESH_READER_COMMAND) == 0 || strcmp(words[1], MESH_VALUES_COMMAND) == 0 ||
          strcmp(words[1], MESH_POLYGONS_COMMAND) == 0))

@@ -314,6 +314,7 @@ measures scene_measure(const scene *s, const scene_options *options)
                                .spacing = s->spacing,
                                .h = s->spacing[0],
                                .spacing_at = options ? options->spacing_at : NULL,
+                               .exact = options && options->exact,
                                .copy_count = stands.count,
                                .copy_normal = stands.normal,
                                .copy_point = stands.point,

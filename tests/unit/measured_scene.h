@@ -53,6 +53,7 @@ typedef struct scene_options {
     double *local;                                     /* of each point, or NULL */
     double *degree;                                    /* of each point, or NULL */
     double (*spacing_at)(const void *context, vec3 x); /* see measures_input */
+    bool exact;                                        /* see measures_input */
 } scene_options;
 
 measures scene_measure(const scene *s, const scene_options *options);

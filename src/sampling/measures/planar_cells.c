@@ -139,14 +139,15 @@ static void list_neighbours(const partition *part, uint32_t at, const voronoi_st
 static bool is_plain(const partition *part, const uint32_t *piece, uint32_t at, uint32_t other)
 {
     return (!part->flags || !part->flags[other]) &&
-           (!piece || piece[part->index[other]] == piece[part->index[at]]);
+           (!piece || piece[part->index[other]] == piece[part->index[at]]) &&
+           vec3_dot(part->normal[other], part->normal[at]) >= VORONOI_OPPOSITE_COSINE;
 }
 
-/* Whether all points that can bound a cell with corners as far as `farthest` are plain. */
+/* Whether all points within twice the distance `farthest` are plain, and on no opposite wall. */
 static bool has_plain_neighbours(const partition *part, const uint32_t *piece, uint32_t at, double farthest)
 {
     const uint32_t *list = neighbours_list(part->near, at), count = part->near->list_count[at];
-    for (uint32_t k = 0; (part->flags || piece) && k < count; k++)
+    for (uint32_t k = 0; k < count; k++)
         if (!is_plain(part, piece, at, list[k]) &&
             vec3_norm2(vec3_sub(part->position[list[k]], part->position[at])) < 4 * farthest * farthest)
             return false;

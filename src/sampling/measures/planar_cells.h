@@ -5,6 +5,7 @@
  * bisectors bound in its tangent plane (voronoi_star_planar). A cell is certain if
  * - the point, and all points within twice the radius of the cell, are plain: in the interior of one patch of
  *   one piece, with one oriented normal;
+ * - none of these is on an opposite wall (VORONOI_OPPOSITE_COSINE);
  * - the normals of the points that can bound the cell differ from its own by less than 37 degrees;
  * - each of its sides is longer than 0.1 spacings, and every other point misses the cell by as much, so that
  *   both points of a side, and both cells, agree; where the normals differ by less than 18 (8) degrees, 0.025
