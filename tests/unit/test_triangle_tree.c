@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 #include <cmocka.h>
 
 #include "surface/triangles/triangle_tree.h"
@@ -69,12 +70,26 @@ static vec3 random_place(rng *r)
     return random_between(r, (vec3){-2, -2, -2}, (vec3){2, 2, 2});
 }
 
-static void the_closest_triangle_is_found(void **state)
+/* A cylinder along the diagonal of the coordinates. */
+static vec3 place_on_diagonal(double u, double v)
 {
-    (void)state;
-    rng r = rng_seed(test_seed(), 0);
+    const vec3 axis = vec3_unit((vec3){1, 1, 1}), across = vec3_unit((vec3){1, -1, 0});
+    const double angle = 6.283185307179586 * v;
+    return vec3_axpy(2 * u - 1, axis,
+                     vec3_axpy(cos(angle), across, vec3_scale(vec3_cross(axis, across), sin(angle))));
+}
+
+/* 4 000 slivers of aspect 600. The box of each is nearly that of the cylinder. */
+static mesh slivers(void)
+{
+    return mesh_fixture_sheet(1, 2000, place_on_diagonal);
+}
+
+static void assert_closest_is_found(mesh m, uint64_t stream)
+{
+    rng r = rng_seed(test_seed(), stream);
     fixture f;
-    setup(&f, mesh_fixture_ball((vec3){0, 0, 0}, 1, 3));
+    setup(&f, m);
     for (int p = 0; p < PLACES; p++) {
         const vec3 x = random_place(&r);
         const double least = least_distance2(&f.m, x);
@@ -96,6 +111,64 @@ static void the_closest_triangle_is_found(void **state)
         triangle_forest_improve(f.forest, x, &other, &in_other);
         assert_int_equal(other, tree);
         assert_int_equal(in_other, in_part);
+    }
+    teardown(&f);
+}
+
+static void the_closest_triangle_is_found(void **state)
+{
+    (void)state;
+    assert_closest_is_found(mesh_fixture_ball((vec3){0, 0, 0}, 1, 3), 0);
+}
+
+static void the_closest_sliver_is_found(void **state)
+{
+    (void)state;
+    assert_closest_is_found(slivers(), 3);
+}
+
+/* Marks a triangle. */
+static void mark(void *context, size_t tree, size_t n, const triangle *t)
+{
+    (void)t;
+    assert_int_equal(tree, 0);
+    ((bool *)context)[n] = true;
+}
+
+static void all_near_slivers_are_visited(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 4);
+    fixture f;
+    setup(&f, slivers());
+    bool *marked = calloc(f.m.triangle_count, sizeof *marked);
+    for (int p = 0; p < PLACES; p++) {
+        const vec3 x = random_place(&r);
+        const double within2 = rng_uniform(&r);
+        memset(marked, 0, f.m.triangle_count * sizeof *marked);
+        triangle_tree_visit_near(f.tree, x, within2, mark, marked);
+        for (size_t n = 0; n < f.m.triangle_count; n++) {
+            const triangle t = triangle_of(&f.m, n);
+            assert_int_equal(marked[n], triangle_distance2(&t, x) <= within2);
+        }
+    }
+    free(marked);
+    teardown(&f);
+}
+
+static void a_line_crosses_each_sliver_once(void **state)
+{
+    (void)state;
+    const vec3 axis = vec3_unit((vec3){1, 1, 1});
+    rng r = rng_seed(test_seed(), 5);
+    fixture f;
+    setup(&f, slivers());
+    for (int p = 0; p < PLACES; p++) { /* from a point of the axis outwards */
+        const vec3 x = vec3_scale(axis, 0.5 * rng_uniform(&r)), away = random_place(&r);
+        const vec3 d = vec3_unit(vec3_axpy(-vec3_dot(away, axis), axis, away));
+        const line_crossings found = triangle_tree_cross(f.tree, x, d, TRIANGLE_TREE_NONE);
+        assert_int_equal(abs(found.winding), 1);
+        assert_true(fabs(found.ahead - 1) < 1e-5 && fabs(found.behind - 1) < 1e-5);
     }
     teardown(&f);
 }
@@ -186,6 +259,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_closest_triangle_is_found),
+        cmocka_unit_test(the_closest_sliver_is_found),
+        cmocka_unit_test(all_near_slivers_are_visited),
+        cmocka_unit_test(a_line_crosses_each_sliver_once),
         cmocka_unit_test(the_closest_accepted_place_is_found),
         cmocka_unit_test(crossings_of_lines_are_found),
     };

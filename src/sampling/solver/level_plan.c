@@ -156,7 +156,8 @@ static bool plan_patches_from_given(const quota_input *in, const solver_params *
 }
 
 /* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A
- * level with more curve samples than free particles is not used. */
+ * level with more curve samples than free particles is not used. If the finest level omits the samples, which
+ * are too many for it, there is no coarser level: it would have more samples than free particles. */
 static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
                          error *e)
 {
@@ -171,7 +172,8 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
     if (!l->curves) return false;
     double limit = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
     const bool is_given = params->start == SOLVER_START_COARSEST;
-    bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN && !is_given;
+    bool coarser = params->coarse_to_fine && params->start != SOLVER_START_GIVEN && !is_given &&
+                   !found[0].samples.omitted;
     if (is_given && !plan_patches_from_given(&in, params, l, found, e)) return false;
     while (coarser && l->count < LEVEL_PLAN_MAX) {
         quota *next = &found[l->count];

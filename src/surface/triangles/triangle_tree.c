@@ -8,12 +8,21 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
+#include "geometry/mesh/rounding.h"
 #include "geometry/space/box_tree.h"
 #include "geometry/space/triangle.h"
 
-/* The box_tree of a mesh. */
+/* Mean number of boxes of triangles that contain a point of the surface, above which triangles are cut into pieces. Well-shaped
+ * triangles: below 5. Smaller: more memory, and other triangles at equal distances. */
+static const double MAX_OVERLAP = 32;
+/* Maximum number of pieces of a triangle. Larger: fewer tests for each search, more memory. */
+enum { MAX_PIECES = 16 };
+
+/* The trees of a mesh. */
 typedef struct lazy_tree {
-    box_tree tree;
+    box_tree tree; /* of the triangles */
+    box_tree
+        pieces; /* of pieces of triangles, if their boxes overlap too much; `order` has their triangles */
     atomic_bool made;
     pthread_mutex_t making;
 } lazy_tree;
@@ -36,7 +45,102 @@ static bbox box_of_triangle(const void *context, uint32_t k)
     return triangle_box(&t);
 }
 
-static bool make(const mesh *m, box_tree *out, error *e)
+/* Half of the area of the box of a triangle, and the triangle's area. */
+static void measure_box(const triangle *t, double *half, double *area)
+{
+    const vec3 size = bbox_size(triangle_box(t));
+    *half = size.x * size.y + size.y * size.z + size.z * size.x;
+    *area = 0.5 * vec3_norm(vec3_cross(vec3_sub(t->b, t->a), vec3_sub(t->c, t->a)));
+}
+
+/* Number of pieces of a triangle: as many as its box is longer than a square of the triangle's area. */
+static size_t pieces_of(const triangle *t)
+{
+    double half, area;
+    measure_box(t, &half, &area);
+    return (size_t)fmax(1, fmin(0.5 * sqrt(half / fmax(area, DBL_MIN)), MAX_PIECES));
+}
+
+/* The box of the part of a triangle with low <= coordinate <= high on an axis, larger by rounding errors. */
+static bbox box_of_slab(const triangle *t, int axis, double low, double high)
+{
+    const vec3 corner[3] = {t->a, t->b, t->c};
+    bbox box = bbox_empty();
+    for (int k = 0; k < 3; k++) {
+        const vec3 from = corner[k], side = vec3_sub(corner[(k + 1) % 3], from);
+        const double at = vec3_get(from, axis), length = vec3_get(side, axis);
+        if (at >= low && at <= high) box = bbox_include(box, from);
+        for (int end = 0; end < 2; end++) {
+            const double share = ((end ? high : low) - at) / length;
+            if (share >= 0 && share <= 1) box = bbox_include(box, vec3_axpy(share, side, from));
+        }
+    }
+    const double largest = fmax(rounding_largest_coordinate(box.min), rounding_largest_coordinate(box.max));
+    return bbox_common(bbox_grow(box, 4 * DBL_EPSILON * largest), triangle_box(t));
+}
+
+typedef struct piece_list {
+    bbox *box;          /* per piece */
+    uint32_t *triangle; /* per piece */
+    vec3 *centre;       /* per piece */
+    size_t count;
+} piece_list;
+
+static void cut(const triangle *t, uint32_t n, piece_list *list)
+{
+    const bbox box = triangle_box(t);
+    const vec3 size = bbox_size(box);
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    const double low = vec3_get(box.min, axis), high = vec3_get(box.max, axis);
+    const size_t pieces = pieces_of(t);
+    for (size_t k = 0; k < pieces; k++) {
+        const double from = low + (high - low) * ((double)k / (double)pieces),
+                     to = low + (high - low) * ((double)(k + 1) / (double)pieces);
+        const bbox own = pieces > 1 ? box_of_slab(t, axis, from, to) : box;
+        list->centre[list->count] = vec3_scale(vec3_add(own.min, own.max), 0.5);
+        list->triangle[list->count] = n;
+        list->box[list->count++] = own;
+    }
+}
+
+static bbox box_of_piece(const void *context, uint32_t k)
+{
+    const piece_list *list = context;
+    return list->box[k];
+}
+
+/* Builds the tree of pieces if the boxes of the triangles overlap more than MAX_OVERLAP: nearly every search would test nearly
+ * every sliver that is not parallel to an axis. */
+static bool make_pieces(const mesh *m, const char *what, box_tree *out, error *e)
+{
+    double halves = 0, areas = 0;
+    size_t count = 0;
+    for (size_t k = 0; k < m->triangle_count; k++) {
+        const triangle t = triangle_of(m, k);
+        double half, area;
+        measure_box(&t, &half, &area);
+        halves += half;
+        areas += area;
+        count += pieces_of(&t);
+    }
+    if (!(halves > MAX_OVERLAP * areas) || count >= UINT32_MAX) return true;
+    piece_list list = {mem_array(count, sizeof *list.box, what, e),
+                       mem_array(count, sizeof *list.triangle, what, e),
+                       mem_array(count, sizeof *list.centre, what, e), 0};
+    bool ok = list.box && list.triangle && list.centre;
+    for (uint32_t k = 0; ok && k < m->triangle_count; k++) {
+        const triangle t = triangle_of(m, k);
+        cut(&t, k, &list);
+    }
+    ok = ok && box_tree_make(count, list.centre, box_of_piece, &list, what, out, e);
+    for (size_t k = 0; ok && k < count; k++) out->order[k] = list.triangle[out->order[k]];
+    free(list.box);
+    free(list.triangle);
+    free(list.centre);
+    return ok;
+}
+
+static bool make(const mesh *m, lazy_tree *out, error *e)
 {
     static const char what[] = "the tree of a mesh";
     vec3 *centroid = mem_array(m->triangle_count, sizeof *centroid, what, e);
@@ -44,9 +148,10 @@ static bool make(const mesh *m, box_tree *out, error *e)
         const triangle t = triangle_of(m, k);
         centroid[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
     }
-    const bool ok = centroid && box_tree_make(m->triangle_count, centroid, box_of_triangle, m, what, out, e);
+    const bool ok =
+        centroid && box_tree_make(m->triangle_count, centroid, box_of_triangle, m, what, &out->tree, e);
     free(centroid);
-    return ok;
+    return ok && make_pieces(m, what, &out->pieces, e);
 }
 
 triangle_tree *triangle_tree_new_lazy(const mesh *m)
@@ -60,7 +165,7 @@ triangle_tree *triangle_tree_new_lazy(const mesh *m)
 triangle_tree *triangle_tree_new(const mesh *m, error *e)
 {
     triangle_tree *n = triangle_tree_new_lazy(m);
-    if (make(m, &n->lazy->tree, e)) {
+    if (make(m, n->lazy, e)) {
         n->lazy->made = true;
         return n;
     }
@@ -72,25 +177,33 @@ void triangle_tree_free(triangle_tree *n)
 {
     if (!n) return;
     box_tree_free(&n->lazy->tree);
+    box_tree_free(&n->lazy->pieces);
     pthread_mutex_destroy(&n->lazy->making);
     free(n->lazy);
     free(n);
 }
 
-/* The tree, built at the first call. A search returns no error: if memory is out, the process is aborted, as
+/* The trees, built at the first call. A search returns no error: if memory is out, the process is aborted, as
  * by mem_alloc. Lazy trees are small (UNGROUPED in mesh_faces.c): 2 MB at most, and 1.6 MB more during
- * construction. */
-static const box_tree *tree_of(const triangle_tree *n)
+ * construction; with pieces of slivers up to 16 times as much. */
+static const lazy_tree *trees_of(const triangle_tree *n)
 {
     lazy_tree *l = n->lazy;
-    if (atomic_load_explicit(&l->made, memory_order_acquire)) return &l->tree;
+    if (atomic_load_explicit(&l->made, memory_order_acquire)) return l;
     pthread_mutex_lock(&l->making);
     if (!atomic_load_explicit(&l->made, memory_order_relaxed)) {
-        if (!make(n->mesh, &l->tree, NULL)) abort();
+        if (!make(n->mesh, l, NULL)) abort();
         atomic_store_explicit(&l->made, true, memory_order_release);
     }
     pthread_mutex_unlock(&l->making);
-    return &l->tree;
+    return l;
+}
+
+/* The tree for the search of near triangles, in which a triangle may occur several times. */
+static const box_tree *near_tree_of(const triangle_tree *n)
+{
+    const lazy_tree *l = trees_of(n);
+    return l->pieces.count > 0 ? &l->pieces : &l->tree;
 }
 
 static inline double least_of(double a, double b, double c)
@@ -122,7 +235,7 @@ static inline bool is_beyond(const triangle *t, vec3 p, double distance2)
 static inline size_t search(const triangle_tree *n, vec3 p, double *nearest, triangle_tree_accept *accept,
                             const void *context)
 {
-    const box_tree *tree = tree_of(n);
+    const box_tree *tree = near_tree_of(n);
     box_tree_walk w;
     size_t found = n->mesh->triangle_count;
     double best = *nearest;
@@ -201,7 +314,7 @@ static inline void cross_triangle(const triangle *t, vec3 p, vec3 d, line_crossi
 /* Adds the crossings with the triangles of a tree. */
 static void cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip, line_crossings *out)
 {
-    const box_tree *tree = tree_of(n);
+    const box_tree *tree = &trees_of(n)->tree;
     box_tree_walk w;
     box_tree_begin(tree, &w);
     while (box_tree_next_crossed(tree, &w, p, d))
@@ -221,7 +334,7 @@ line_crossings triangle_tree_cross(const triangle_tree *n, vec3 p, vec3 d, uint3
 static void visit_tree(const triangle_tree *n, size_t number, vec3 p, double distance2,
                        triangle_tree_visitor *visit, void *context)
 {
-    const box_tree *tree = tree_of(n);
+    const box_tree *tree = near_tree_of(n);
     const double beyond = nextafter(distance2, INFINITY);
     box_tree_walk w;
     box_tree_begin_near(tree, &w, p);
@@ -245,7 +358,8 @@ bbox triangle_tree_box(const triangle_tree *n)
 
 size_t triangle_tree_bytes(const triangle_tree *n)
 {
-    return box_tree_bytes(n->mesh->triangle_count);
+    const size_t pieces = n->lazy->pieces.count;
+    return box_tree_bytes(n->mesh->triangle_count) + (pieces > 0 ? box_tree_bytes(pieces) : 0);
 }
 
 /* ---- forests */

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* triangle_tree: the triangles of a mesh in a box_tree (geometry/space/box_tree.h, with its complexity), to
- * find the closest triangle and the intersections with a line. Immutable after construction. All searches:
+ * find the closest triangle and the intersections with a line. If the boxes of the triangles overlap too much, because
+ * most of them are slivers that are not parallel to an axis, near triangles are searched in a second tree: of up to 16 pieces of
+ * each triangle. Immutable after construction. All searches:
  * any thread, also the first search of a lazy tree (it locks). Lengths are those of the mesh.
  */
 #ifndef HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
@@ -16,7 +18,7 @@ typedef struct triangle_tree triangle_tree;
  * limit_memory. */
 triangle_tree *triangle_tree_new(const mesh *m, error *e);
 /* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be
- * searched. Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB): a search returns
+ * searched. Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB, slivers 32 MB): a search returns
  * no error, so that the process is aborted if memory is out at the first search. */
 triangle_tree *triangle_tree_new_lazy(const mesh *m);
 void triangle_tree_free(triangle_tree *n); /* accepts NULL */
@@ -34,7 +36,8 @@ bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2
 /* A call for the triangle `n` of tree `tree`, with the corners *t. */
 typedef void triangle_tree_visitor(void *context, size_t tree, size_t n, const triangle *t);
 
-/* Visits all triangles whose squared distance from p is at most `distance2`, in any order; `tree` is 0. */
+/* Visits all triangles whose squared distance from p is at most `distance2`, in any order, each once or several
+ * times; `tree` is 0. */
 void triangle_tree_visit_near(const triangle_tree *n, vec3 p, double distance2, triangle_tree_visitor *visit,
                               void *context);
 

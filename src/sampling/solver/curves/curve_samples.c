@@ -484,7 +484,7 @@ static bool sample_at_most(layout *l, const field *f, size_t most, curve_samples
 }
 
 /* sample_all, and merges near samples: only remaining samples are counted. If they need a spacing above
- * MAX_STRETCH, the curves have no samples. */
+ * MAX_STRETCH, the samples are omitted. */
 static bool sample_and_merge(layout *l, const field *f, size_t most, curve_samples *out, error *e)
 {
     const double longest = MAX_STRETCH * l->request.spacing;
@@ -496,7 +496,8 @@ static bool sample_and_merge(layout *l, const field *f, size_t most, curve_sampl
         l->request.spacing *= SPACING_MARGIN * (double)out->count / (double)most;
     }
     curve_samples_free(out);
-    out->border = mem_array(l->patches->count, sizeof *out->border, WHAT, e);
+    *out = (curve_samples){.border = mem_array(l->patches->count, sizeof *out->border, WHAT, e),
+                           .omitted = true};
     return out->border != NULL;
 }
 

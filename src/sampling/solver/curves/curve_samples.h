@@ -32,11 +32,12 @@ typedef struct curve_samples {
      * of n cells gets n less this number of free particles. The number follows from the angle sum of a
      * polygon (Gauss-Bonnet). */
     double *border;
+    bool omitted; /* the curves have no samples, because too many would remain */
 } curve_samples;
 
 /* Samples the curves of `f`, which has patches. If there would be more than request->most samples, the
  * spacing is increased. If the patches require that near samples are merged, the limit applies to the samples
- * that remain. If these exceed it even at 1.5 times the requested spacing, *out has no samples.
+ * that remain. If these exceed it even at 1.5 times the requested spacing, the samples are omitted.
  * Deterministic. Free *out also after failure. Error: limit_memory. */
 bool curve_samples_make(const field *f, const boundary_request *request, curve_samples *out, error *e);
 static inline void curve_samples_free(curve_samples *samples)

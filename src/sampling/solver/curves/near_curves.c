@@ -225,15 +225,14 @@ static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
         const segment *s = &m->segments[near[k]];
         if (s->high < at - reach || s->low > at + reach || !is_earlier(s, place, curve)) continue;
         const uint32_t a = m->target[s->from], b = m->target[s->to];
-        uint32_t nearer = distance_between(m, place, a) <= distance_between(m, place, b) ? a : b;
-        double away = distance_to(x, m->samples->position[a], m->samples->position[b]);
-        if (s->from == place || s->to == place) {
-            nearer = s->from == place ? b : a;
-            away = distance_between(m, place, nearer);
-        }
-        if (!(away < reach) || nearer == place || !are_mergeable(m, place, nearer)) continue;
-        const double distance = distance_between(m, place, nearer);
-        if (distance > least || (distance == least && near[k] > found_by)) continue;
+        const bool is_end = s->from == place || s->to == place;
+        const double to_a = distance_between(m, place, a), to_b = distance_between(m, place, b);
+        const uint32_t nearer = is_end ? (s->from == place ? b : a) : to_a <= to_b ? a : b;
+        const double distance = nearer == a ? to_a : to_b;
+        if (nearer == place || distance > least || (distance == least && near[k] > found_by)) continue;
+        const double away =
+            is_end ? distance : distance_to(x, m->samples->position[a], m->samples->position[b]);
+        if (!(away < reach) || !are_mergeable(m, place, nearer)) continue;
         least = distance;
         found = nearer;
         found_by = near[k];
