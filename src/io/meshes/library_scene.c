@@ -52,13 +52,9 @@ static bool refuse_importer(const struct aiImporterDesc *importer, plain_mesh *m
         importer->mName);
 }
 
-bool library_scene_accepts(const char *ending, const char *data, plain_mesh *m)
+bool library_scene_accepts(const char *ending, plain_mesh *m)
 {
     const struct aiImporterDesc *unread = NULL;
-    if (file_format_of_name(ending) == FILE_FORMAT_COLLADA && strstr(data, "<skew"))
-        return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED,
-                                 "the COLLADA file has a <skew>, which is not read. Apply the transforms "
-                                 "of its nodes to the vertices before you save it.");
     for (size_t k = 0; k < aiGetImportFormatCount(); k++) {
         const struct aiImporterDesc *importer = aiGetImportFormatDescription(k);
         if (!is_listed(importer->mFileExtensions, ending)) continue;
@@ -93,8 +89,8 @@ static char *kept[MOST_WARNINGS];
  * library completes by its defaults. */
 static bool is_unrelated(const char *text)
 {
-    static const char *const words[] = {"material",    "texture",   "anim",   "image",  "light",
-                                        "Definitions", "hierarchy", "camera", "FBX-DOM"};
+    static const char *const words[] = {"material",    "texture",   "anim",   "image",         "light",
+                                        "Definitions", "hierarchy", "camera", "property table"};
     for (size_t k = 0; k < sizeof words / sizeof *words; k++)
         if (strcasestr(text, words[k])) return true;
     return false;
@@ -206,18 +202,7 @@ static void warn_of_nodes(const struct aiScene *scene, plain_mesh *m)
                         n.uninherited);
 }
 
-/* The attribute category="length" in an element <unit> of X3D. */
-static void warn_of_unit_of_x3d(const char *data, plain_mesh *m)
-{
-    for (const char *at = data; (at = strstr(at, "<unit")); at++) {
-        const char *category = strstr(at, "length"), *end = strchr(at, '>');
-        if (!category || !end || category > end) continue;
-        plain_mesh_warn(m, "the file has a unit of length: coordinates are not converted");
-        return;
-    }
-}
-
-bool library_scene_check(const struct aiScene *scene, const char *data, plain_mesh *m)
+bool library_scene_check(const struct aiScene *scene, plain_mesh *m)
 {
     const struct aiImporterDesc *importer = importer_of(scene);
     if (importer && !is_read(importer)) return refuse_importer(importer, m);
@@ -226,7 +211,6 @@ bool library_scene_check(const struct aiScene *scene, const char *data, plain_me
     const double master = scale_of(&scene->mRootNode->mTransformation, 0);
     if (row == &file_formats[FILE_FORMAT_3DS] && fabs(master - 1) > rounding)
         plain_mesh_warn(m, "the file has a master scale of %.6g: coordinates are divided by it", 1 / master);
-    if (row == &file_formats[FILE_FORMAT_X3D]) warn_of_unit_of_x3d(data, m);
     warn_of_axes_and_unit(scene->mMetaData, m);
     warn_of_nodes(scene, m);
     for (int k = 0; k < MOST_WARNINGS && kept[k]; k++)

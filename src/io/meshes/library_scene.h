@@ -11,9 +11,8 @@
 #include "io/meshes/plain_mesh.h"
 
 /* Refuses a file by the ending of its name, if it is that of a format of the library that is not read, and
- * of no other; and elements of COLLADA that the library cannot read. The data end with 0. Returns false if *m is
- * refused. */
-bool library_scene_accepts(const char *ending, const char *data, plain_mesh *m);
+ * of no other. Returns false if *m is refused. */
+bool library_scene_accepts(const char *ending, plain_mesh *m);
 
 /* Begins to keep the warnings of the library about the next file. */
 void library_scene_listen(void);
@@ -21,6 +20,6 @@ void library_scene_listen(void);
 /* Refuses a scene that was read from a format that is not read; the library also recognises formats by their
  * contents. Otherwise adds warnings about what is not applied: units, axes, hidden nodes, meshes without a
  * node, and the warnings of the library. Returns false if *m is refused. */
-bool library_scene_check(const struct aiScene *scene, const char *data, plain_mesh *m);
+bool library_scene_check(const struct aiScene *scene, plain_mesh *m);
 
 #endif

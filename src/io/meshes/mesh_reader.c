@@ -20,6 +20,7 @@
 #include "io/meshes/content_end.h"
 #include "io/meshes/foreign_format.h"
 #include "io/meshes/library_scene.h"
+#include "io/meshes/library_text.h"
 #include "io/meshes/plain_mesh.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
@@ -556,7 +557,8 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
     }
     if ((foreign = foreign_format(ending, b->data, b->size)))
         plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
-    if (plain->refused != ERROR_NONE || !library_scene_accepts(ending, b->data, plain))
+    if (plain->refused != ERROR_NONE || !library_scene_accepts(ending, plain) ||
+        !library_text_check(ending, b->data, b->size, plain))
         _exit(answer_fault(plain->refused, plain->text));
 }
 
@@ -610,9 +612,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     library_scene_listen();
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    int status = !scene || !scene->mRootNode ? answer_refusal(&b, memory, aiGetErrorString())
-                 : library_scene_check(scene, b.data, &plain)
-                     ? answer_scene(scene, format, also, &own, end, &plain)
-                     : answer_fault(plain.refused, plain.text);
+    int status = !scene || !scene->mRootNode          ? answer_refusal(&b, memory, aiGetErrorString())
+                 : library_scene_check(scene, &plain) ? answer_scene(scene, format, also, &own, end, &plain)
+                                                      : answer_fault(plain.refused, plain.text);
     _exit(status); /* _exit: freeing the library's memory takes time */
 }
