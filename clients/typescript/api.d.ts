@@ -1202,8 +1202,9 @@ export type Surface = {
    */
   mesh?: {
     /**
-     * The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
-     * service's input roots, or have been sent with hexadctl upload. Other files that it names are not read.
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
+     * read.
      */
     path: string;
     /**
@@ -2352,8 +2353,9 @@ export type AnsweredSurface = {
    */
   mesh?: {
     /**
-     * The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
-     * service's input roots, or have been sent with hexadctl upload. Other files that it names are not read.
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
+     * read.
      */
     path: string;
     /**

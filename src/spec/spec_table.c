@@ -106,7 +106,7 @@ const spec_row spec_rows[] = {
      .high = 4096,
      AT(surface.mesh.path),
      .prose =
-         "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
+         "The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are not read."},
     {.pointer = MEMBER("/surface/mesh", "voxel_size"),
      .title = "Size of a voxel",

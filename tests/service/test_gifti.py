@@ -64,6 +64,16 @@ def test_a_transform_is_a_warning(mesh_reader, tmp_path):
     assert text == 'the GIfTI file has a transform to "NIFTI_XFORM_TALAIRACH", which is not applied: points are in its data space, "NIFTI_XFORM_UNKNOWN"'
 
 
+@pytest.mark.parametrize("declared", [1, 3, 0])
+def test_a_number_of_arrays_that_the_file_does_not_have_is_a_warning(mesh_reader, tmp_path, declared):
+    write(tmp_path / "a.gii", *surface())
+    path = tmp_path / "a.gii"
+    path.write_text(path.read_text().replace('NumberOfDataArrays="2"', f'NumberOfDataArrays="{declared}"'))
+    answer = mesh_reader(path)
+    assert_pyramid((answer[0], answer[1], "", answer[3]))
+    assert f"NumberOfDataArrays is {declared}, and the file has 2" in answer[2], answer[2]
+
+
 def test_as_a_job_and_as_an_inspection(solve, worker, tmp_path):
     write(tmp_path / "a.surf.gii", *surface())
     report, data = solve({"version": 1, "surface": {"mesh": {"path": "a.surf.gii"}}, "sampling": {"count": 40}, "solver": {"max_sweeps": 1},

@@ -463,6 +463,44 @@ def test_any_places_are_those_of_the_header(told, tmp_path, seed):
     expect_same(told(tmp_path / "s.nii"), told(tmp_path / "single.nrrd")["digest"])
 
 
+def shorter(path, old, new):
+    path.write_bytes(path.read_bytes().replace(old, new, 1))
+
+
+def test_bytes_behind_the_data_are_warned_of(told, tmp_path):
+    """A size in the header is too small. A volume of several is none of these, nor a line break behind the data."""
+    write_nrrd(tmp_path / "v.nrrd", ball(), MATRIX)
+    assert warnings(told(tmp_path / "v.nrrd")) == []
+    (tmp_path / "v.nrrd").write_bytes((tmp_path / "v.nrrd").read_bytes() + b"\n")
+    assert warnings(told(tmp_path / "v.nrrd")) == []
+    for old, new in ((b"sizes: 15 13 14", b"sizes: 15 13 13"), (b"sizes: 15 13 13", b"sizes: 15 12 13"), (b"sizes: 15 12 13", b"sizes: 14 12 13")):
+        shorter(tmp_path / "v.nrrd", old, new)
+        assert any("bytes follow the data of" in w for w in warnings(told(tmp_path / "v.nrrd")))
+    write_meta_image(tmp_path / "v.mha", ball(), MATRIX)
+    assert warnings(told(tmp_path / "v.mha")) == []
+    shorter(tmp_path / "v.mha", b"DimSize = 15 13 14", b"DimSize = 15 13 12")
+    assert any("1560 bytes follow the data of 15 x 13 x 12" in w for w in warnings(told(tmp_path / "v.mha")))
+    for version, at, kind in ((1, 46, "<h"), (2, 40, "<q")):
+        write_nifti(tmp_path / "v.nii", ball(), MATRIX, version=version)
+        assert warnings(told(tmp_path / "v.nii")) == []
+        raw = bytearray((tmp_path / "v.nii").read_bytes())
+        struct.pack_into(kind, raw, at, 13)
+        (tmp_path / "v.nii").write_bytes(raw)
+        assert any("bytes follow the data of 15 x 13 x 13" in w for w in warnings(told(tmp_path / "v.nii")))
+
+
+@pytest.mark.parametrize("version, at", [(1, 72), (2, 14)])
+def test_a_bitpix_that_the_datatype_contradicts_is_warned_of(told, tmp_path, version, at):
+    write_nifti(tmp_path / "v.nii", ball(), MATRIX, version=version)
+    plain = told(tmp_path / "v.nii")
+    raw = bytearray((tmp_path / "v.nii").read_bytes())
+    struct.pack_into("<h", raw, at, 16)
+    (tmp_path / "v.nii").write_bytes(raw)
+    report = told(tmp_path / "v.nii")
+    assert report["digest"] == plain["digest"]
+    expect_warning(report, "bitpix is 16", "32 bits")
+
+
 # ---- EXR
 
 def stack(tmp_path, name, **of_part):

@@ -223,9 +223,9 @@ def test_words_about_files_are_the_users(worker, tmp_path):
         error = json.loads(done.stderr.splitlines()[-1])
         assert str(tmp_path / name) in error["message"], error
         return error["code"], error["message"]
-    (tmp_path / "mine.ms3d").write_bytes(b"no triangles are in this file" * 9)
-    code, words = fails("mine.ms3d")
-    assert code == "input_damaged" and "mesh.ms3d" not in words and "not found: the file" in words
+    (tmp_path / "mine.dae").write_bytes(b"no triangles are in this file" * 9)
+    code, words = fails("mine.dae")
+    assert code == "input_damaged" and "mesh.dae" not in words and "malformed XML" in words
     (tmp_path / "mine.stl").write_bytes(b"no triangles are in this file" * 9)
     code, words = fails("mine.stl")
     assert code == "input_damaged" and 'does not begin with "solid"' in words and "has 261 of" in words

@@ -235,6 +235,19 @@ def test_corners_of_strips_and_of_mirrored_nodes_keep_their_order(worker, tmp_pa
         assert (read_columns((tmp_path / "out/points.ply").read_bytes())["nz"] == 1).all()
 
 
+@pytest.mark.parametrize("declared, words", [({"min": [-999, -999, -999]}, "min and max of accessor 0 contradict"),
+                                             ({"max": [0, 0, 0]}, "min and max of accessor 0 contradict"), ({}, None)])
+def test_bounds_of_a_gltf_that_its_positions_contradict_are_warned_of(look, tmp_path, r, declared, words):
+    corners = write.box(r)
+    bounds = {"min": [round(v, 6) for v in corners.min(0)], "max": [round(v, 6) for v in corners.max(0)], **declared}
+    g = write.Gltf()
+    g.document["nodes"] = [{"mesh": g.mesh(g.accessor(corners, "<f4", **bounds), g.accessor(write.FACES.ravel(), "<u2"))}]
+    g.write(tmp_path / "box.glb")
+    found = look(tmp_path / "box.glb")
+    assert_box(found, corners)
+    assert len(found["notes"]) == bool(words) and all(words in note for note in found["notes"]), found["notes"]
+
+
 def test_draco_is_read_by_the_library(look, tmp_path):
     """The box of seed 1, compressed by draco_encoder of Debian."""
     data = base64.b64decode("RFJBQ08CAgEBAAAACAwACwAAA19LFQEBEAH/AAABAAkDAAACAQEBABADARABCCsBCAEgBABIDpEAAAAAmDoAoJwBAEEAMDn7UgMAMDn7UgMAAAD4UgMA"
@@ -258,6 +271,13 @@ def test_a_3mf_is_read_in_millimetres(look, tmp_path, r, unit):
     found = look(tmp_path / "box.3mf")
     assert_box(found, corners)
     assert len(found["notes"]) == (unit != "millimeter") and all(unit in note and "millimetres" in note for note in found["notes"])
+
+
+def test_objects_of_a_3mf_with_equal_ids_are_refused(look, tmp_path, r):
+    mesh = write.mesh_of_3mf(write.box(r))
+    write.write_3mf(tmp_path / "box.3mf", "".join(f'<object id="{k % 200}">{mesh}</object>' for k in range(7, 208)), '<item objectid="7"/>')
+    error = look(tmp_path / "box.3mf")
+    assert error["code"] == "input_damaged" and 'two of its objects have the id "7"' in error["message"], error
 
 
 @pytest.mark.parametrize("name", ["with_transforms", "of_production"])
@@ -354,13 +374,6 @@ def test_character_references_of_a_3mf_are_replaced(look, tmp_path, r):
     objects = f'<object id="a&amp;b">{write.mesh_of_3mf(corners)}</object>'
     write.write_3mf(tmp_path / "box.3mf", objects, '<item objectid="a&#38;b" transform="1&#32;0&#x20;0&#9;0 1 0 0 0 1 1 2 3"/>')
     assert_box(look(tmp_path / "box.3mf"), corners + (1, 2, 3))
-
-
-def test_the_first_of_objects_with_the_same_id_is_read(look, tmp_path, r):
-    corners = write.box(r)
-    objects = "".join(f'<object id="{k}">{write.mesh_of_3mf(corners + 9 * k)}</object>' for k in range(200))
-    write.write_3mf(tmp_path / "box.3mf", f'{objects}<object id="0">{write.mesh_of_3mf(corners + 5)}</object>', '<item objectid="0"/>')
-    assert_box(look(tmp_path / "box.3mf"), corners)
 
 
 def test_objects_outside_of_a_build_are_warned_of(look, tmp_path, r):
@@ -545,6 +558,18 @@ def test_an_off_is_read_with_whatever_its_vertices_have(look, tmp_path, r, how):
     corners = write.box(r)
     write.off(tmp_path / "box.off", corners, **how)
     assert_box(look(tmp_path / "box.off"), corners)
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("change, words", [(("8 12 0", "9 12 0"), "face 11 of the OFF file"), (("8 12 0", "8 13 0"), "face 12 of the OFF file"),
+                                           (("8 12 0", "7 12 0"), "face 0 of the OFF file"), (("3 0 2 3", "3 0 2 8"), "face 0 of the OFF file"),
+                                           (("3 0 2 3", "3 0 2 x"), "line 11"), (("OFF", "FOO"), "the header of the OFF file")])
+def test_an_off_that_is_not_what_its_header_declares_is_refused_with_the_place(look, tmp_path, change, words):
+    corners = write.box(numpy.random.default_rng(3))
+    text = "OFF\n8 12 0\n" + "".join("%r %r %r\n" % tuple(v) for v in corners.tolist()) + "".join("3 %d %d %d\n" % tuple(f) for f in write.FACES)
+    (tmp_path / "box.off").write_text(text.replace(*change, 1))
+    error = look(tmp_path / "box.off")
+    assert error.get("code") == "input_damaged" and words in error["message"], error
 
 
 def test_an_off_of_other_dimensions_is_refused(look, tmp_path):

@@ -186,7 +186,7 @@ def ome(pixels, more=""):
 def test_sizes_and_order_of_ome_xml(told, plain, tmp_path):
     text = ome('DimensionOrder="XYZCT" SizeX="15" SizeY="13" SizeZ="14" SizeC="1" SizeT="1" Type="uint16" PhysicalSizeX="500" '
                'PhysicalSizeY="250" PhysicalSizeZ="0.75" PhysicalSizeXUnit="µm" PhysicalSizeZUnit="mm"',
-               '<TiffData IFD="3" FirstZ="3" PlaneCount="1"/>')
+               '<TiffData IFD="3" FirstZ="3"/>')
     write_tiff(tmp_path / "v.ome.tif", pages_of(ball("u2")), description=text)
     expect_same(told(tmp_path / "v.ome.tif"), plain(numpy.diag([500, 250, 750, 1])), 'unit of length is "um"')
     pages = [p for page in pages_of(ball("u2")) for p in (numpy.zeros_like(page), page)]
@@ -194,6 +194,26 @@ def test_sizes_and_order_of_ome_xml(told, plain, tmp_path):
                'PhysicalSizeXUnit="mm" PhysicalSizeYUnit="mm" PhysicalSizeZUnit="mm"')
     write_tiff(tmp_path / "v.ome.tif", pages, description=text)
     expect_same(told(tmp_path / "v.ome.tif", index=1), plain())
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ('SizeX="15"', 'SizeX="16"', ("SizeX 16 and SizeY 13", "15 x 13 pixels")), ('SizeY="13"', 'SizeY="1300"', ("SizeY 1300",)),
+    ('Type="uint16"', 'Type="float"', ('the Type "float"', "uint16")), ('Type="uint16"', 'Type="frobnicate"', ('the Type "frobnicate"',)),
+    ('PlaneCount="14"', 'PlaneCount="28"', ("28 planes", "give 14")), ('ID="Pixels:0"', 'ID="Pixels:7"', None)])
+def test_what_ome_xml_states_and_the_image_contradicts_is_warned_of(told, plain, tmp_path, old, new, words):
+    text = ome('DimensionOrder="XYZCT" SizeX="15" SizeY="13" SizeZ="14" SizeC="1" SizeT="1" Type="uint16" PhysicalSizeX="0.5" '
+               'PhysicalSizeY="0.25" PhysicalSizeZ="0.75" PhysicalSizeXUnit="mm" PhysicalSizeYUnit="mm" PhysicalSizeZUnit="mm"',
+               '<TiffData IFD="0" PlaneCount="14"/>')
+    write_tiff(tmp_path / "v.ome.tif", pages_of(ball("u2")), description=text.replace(old, new))
+    report = told(tmp_path / "v.ome.tif")
+    assert report["digest"] == plain()
+    assert len(warnings(report)) == bool(words) and all(word in " ".join(warnings(report)) for word in words or ()), warnings(report)
+
+
+def test_a_number_of_images_of_imagej_that_the_file_does_not_have(told, plain, tmp_path):
+    text = IMAGEJ.replace("images=14", "images=15").replace("micron", "mm")
+    write_tiff(tmp_path / "v.tif", pages_of(ball("u2")), description=text, resolution=(2, 4))
+    expect_same(told(tmp_path / "v.tif"), plain(), "15 images, and the file has 14")
 
 
 FAULTS_OF_OME = {

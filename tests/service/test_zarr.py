@@ -296,6 +296,19 @@ def test_fill_value_null_without_missing_chunks(told, plain, tmp_path):
     assert told(tmp_path / "a.zarr", voxel_size=VOXEL)["digest"] == plain()
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("write", [write_array_2, write_array_3])
+def test_chunks_outside_of_the_shape_are_warned_of(told, tmp_path, axis, write):
+    """A shape that ends within the last chunk is none of these."""
+    write(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS)
+    name = ".zarray" if write is write_array_2 else "zarr.json"
+    metadata = json.loads((tmp_path / "a.zarr" / name).read_text())
+    assert not any("outside of the shape" in w for w in warnings(told(tmp_path / "a.zarr", voxel_size=VOXEL)))
+    metadata["shape"][axis] = CHUNKS[axis] * 2
+    (tmp_path / "a.zarr" / name).write_text(json.dumps(metadata))
+    assert any("outside of the shape" in w for w in warnings(told(tmp_path / "a.zarr", voxel_size=VOXEL)))
+
+
 def test_metadata_of_both_versions(told, tmp_path):
     write_array_2(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS)
     write_array_3(tmp_path / "a.zarr", stored(ball("u1")), CHUNKS)

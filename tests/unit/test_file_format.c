@@ -145,9 +145,8 @@ static void meshes_that_are_not_read_are_refused_with_advice(void **state)
         const file_format_bytes *b = &row->beginning[0];
         const char *own = row->ending[0] ? row->ending[0] + 1 : "";
         char data[FILE_FORMAT_HEAD + 1] = "";
-        const bool is_none =
-            row->is_misread || row->kind == FILE_FORMAT_IMAGES || row->kind == FILE_FORMAT_DOCUMENTS;
-        assert_ptr_equal(foreign_format(own, "", 0), is_none ? row->as_mesh : NULL);
+        assert_ptr_equal(foreign_format(own, "", 0),
+                         row->ending[0] && row->reading == FILE_FORMAT_NOT_READ ? row->as_mesh : NULL);
         if (!row->as_mesh || b->length == 0) continue;
         memcpy(data + b->at, b->bytes, b->length);
         assert_ptr_equal(foreign_format("ply", data, FILE_FORMAT_HEAD), row->as_mesh);

@@ -7,7 +7,7 @@
 
 /* ---- formats that a few bytes do not identify */
 
-/* The exchange format of STEP, whose schema is not IFC, which assimp reads. */
+/* The exchange format of STEP with a schema other than IFC. */
 static bool is_step(const char *data, size_t size)
 {
     static const char begin[] = "ISO-10303-21;";
@@ -74,6 +74,7 @@ const file_format_row file_formats[FILE_FORMATS] = {
     [FILE_FORMAT_FBX] = {.name = "FBX", .ending = {".fbx"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
     [FILE_FORMAT_COLLADA] = {.name = "COLLADA", .ending = {".dae"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
     [FILE_FORMAT_X3D] = {.name = "X3D", .ending = {".x3d"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_3DS] = {.name = "3DS", .ending = {".3ds"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
     [FILE_FORMAT_NPZ] = {.name = "NumPy archive", .ending = {".npz"}, .kind = FILE_FORMAT_POINTS,
         .reading = FILE_FORMAT_READ, .is_written = true, .has_points = true,
         .content_type = "application/zip"},
@@ -84,9 +85,9 @@ const file_format_row file_formats[FILE_FORMATS] = {
     [FILE_FORMAT_USD] = {.name = "USD", .ending = {".usda", ".usd", ".usdc", ".usdz"},
         .beginning = {{0, 5, "#usda"}, {0, 8, "PXR-USDC"}}, .is_written = true, .has_floats = true,
         .content_type = "model/vnd.usda", .as_mesh = NOT_READ("a USD file") BLENDER},
-    [FILE_FORMAT_AMF] = {.name = "AMF", .ending = {".amf"}, .within = "<amf", .is_misread = true,
+    [FILE_FORMAT_AMF] = {.name = "AMF", .ending = {".amf"}, .within = "<amf",
         .as_mesh = NOT_READ("an AMF file") "PrusaSlicer (prusa-slicer --export-stl part.amf)."},
-    [FILE_FORMAT_DXF] = {.name = "DXF", .ending = {".dxf"}, .is = is_dxf, .is_misread = true,
+    [FILE_FORMAT_DXF] = {.name = "DXF", .ending = {".dxf"}, .is = is_dxf,
         .as_mesh = NOT_READ("a DXF file") "Blender: import it (add-on AutoCAD DXF), and ""export PLY or "
             "OBJ."},
     [FILE_FORMAT_STEP] = {.name = "STEP", .ending = {".step", ".stp"}, .is = is_step,
@@ -155,6 +156,8 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .kind = FILE_FORMAT_VOLUMES,
         .as_volume = "an ANALYZE 7.5 header (`fslchfiletype NIFTI FILE` converts it)"},
     [FILE_FORMAT_RAW] = {.name = "raw numbers", .ending = {".raw"}, .kind = FILE_FORMAT_VOLUMES,
+        .as_mesh = "the file has raw numbers, which are not read as a mesh. Name a volume as "
+            "/surface/volume/path, with an NRRD header, and save a mesh as PLY or OBJ.",
         .as_volume = "not a volume in a known format (raw numbers need an NRRD header: `unu ""make -h -t "
             "TYPE -s X Y Z -i FILE`)"},
     [FILE_FORMAT_ZIP] = {.name = "ZIP", .ending = {".zip"}, .beginning = {{0, 4, "PK\3\4"}},

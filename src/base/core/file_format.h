@@ -13,7 +13,7 @@
 #include <stddef.h>
 
 typedef enum file_format {
-    FILE_FORMAT_UNKNOWN, /* no known format; the file may be a mesh that the library assimp reads */
+    FILE_FORMAT_UNKNOWN, /* no known format; the library assimp may recognise one that is read */
     FILE_FORMAT_PLY,
     FILE_FORMAT_OBJ,
     FILE_FORMAT_STL,
@@ -25,6 +25,7 @@ typedef enum file_format {
     FILE_FORMAT_FBX,
     FILE_FORMAT_COLLADA,
     FILE_FORMAT_X3D,
+    FILE_FORMAT_3DS,
     FILE_FORMAT_NPZ,
     FILE_FORMAT_GLTF,
     FILE_FORMAT_USD,
@@ -99,7 +100,6 @@ typedef struct file_format_row {
     bool has_points;          /* such files can be used as given points */
     bool positions_only;      /* only the positions of mesh vertices are read */
     bool has_floats;          /* positions are written as floats, relative to an origin */
-    bool is_misread;          /* assimp accepts files with these endings, but reads them wrongly */
     bool z_up;                /* z points up in such files; otherwise y */
     bool up_varies;           /* in some files y points up, in others z */
     const char *content_type; /* HTTP content type of written files; NULL: application/octet-stream */

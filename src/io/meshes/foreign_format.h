@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* foreign_format: files that are not a readable mesh (volumes, and formats of surfaces that hexad does not
- * read), recognised by their first bytes; AMF and DXF, which assimp reads wrongly, also by the ending of
- * their names. Threads: none.
+ * read), recognised by their first bytes or by the ending of their names. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_FOREIGN_FORMAT_H
 #define HEXAD_IO_MESHES_FOREIGN_FORMAT_H

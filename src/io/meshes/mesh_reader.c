@@ -11,7 +11,6 @@
 
 #include <assimp/cfileio.h>
 #include <assimp/cimport.h>
-#include <assimp/commonMetaData.h>
 #include <assimp/scene.h>
 
 #include "base/core/error.h"
@@ -20,6 +19,8 @@
 #include "base/core/transfer.h"
 #include "io/meshes/content_end.h"
 #include "io/meshes/foreign_format.h"
+#include "io/meshes/library_scene.h"
+#include "io/meshes/library_text.h"
 #include "io/meshes/plain_mesh.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
@@ -360,17 +361,6 @@ static void answer_values(walk *w, const ply_values *own)
     }
 }
 
-/* Centimetres per unit of an FBX file; 1 for all other formats. */
-static double unit_of_scene(const struct aiScene *scene)
-{
-    const struct aiMetadata *data = scene->mMetaData;
-    float unit = 1;
-    for (unsigned k = 0; data && k < data->mNumProperties; k++)
-        if (strcmp(data->mKeys[k].data, "UnitScaleFactor") == 0 && data->mValues[k].mType == AI_FLOAT)
-            memcpy(&unit, data->mValues[k].mData, sizeof unit);
-    return (double)unit;
-}
-
 static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
 {
     const uint64_t counts[2] = {w->polygons, w->corners};
@@ -386,9 +376,7 @@ static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
 static int answer_scene(const struct aiScene *scene, file_format format, addition also, const ply_values *own,
                         size_t end, plain_mesh *known)
 {
-    const double unit = known->unit > 0 ? known->unit : 1, centimetres = unit_of_scene(scene);
-    if (centimetres != 1)
-        plain_mesh_warn(known, "the unit of the file is %g cm: coordinates are not converted", centimetres);
+    const double unit = known->unit > 0 ? known->unit : 1;
     walk w = {.scene = scene,
               .header = {.end = end},
               .is_gltf = format == FILE_FORMAT_GLTF,
@@ -533,22 +521,6 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-/* Returns the reason why a scene is refused: its format is one that the library reads wrongly. NULL: it is
- * not. The library also recognises such files by words in them. */
-static const char *foreign_scene(const struct aiScene *scene)
-{
-    const struct aiMetadata *data = scene->mMetaData;
-    for (unsigned k = 0; data && k < data->mNumProperties; k++) {
-        if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
-            data->mValues[k].mType != AI_AISTRING)
-            continue;
-        const char *source = ((struct aiString *)data->mValues[k].mData)->data;
-        for (const file_format_row *row = file_formats; row < file_formats + FILE_FORMATS; row++)
-            if (row->is_misread && strstr(source, row->name)) return row->as_mesh;
-    }
-    return NULL;
-}
-
 /* Whether plain_mesh also parses a file of this format for its unit and warnings when the library reads
  * the mesh. */
 static bool is_read_for_values(const char *ending)
@@ -585,7 +557,9 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
     }
     if ((foreign = foreign_format(ending, b->data, b->size)))
         plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED, "%s", foreign);
-    if (plain->refused != ERROR_NONE) _exit(answer_fault(plain->refused, plain->text));
+    if (plain->refused != ERROR_NONE || !library_scene_accepts(ending, plain) ||
+        !library_text_check(ending, b->data, b->size, plain))
+        _exit(answer_fault(plain->refused, plain->text));
 }
 
 /* Writes the answer for a format that the library does not read. If the reader refuses the file, it is read
@@ -636,10 +610,10 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
+    library_scene_listen();
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    const char *foreign = scene ? foreign_scene(scene) : NULL;
-    int status = foreign                     ? answer_fault(ERROR_INPUT_UNSUPPORTED, foreign)
-                 : scene && scene->mRootNode ? answer_scene(scene, format, also, &own, end, &plain)
-                                             : answer_refusal(&b, memory, aiGetErrorString());
+    int status = !scene || !scene->mRootNode          ? answer_refusal(&b, memory, aiGetErrorString())
+                 : library_scene_check(scene, &plain) ? answer_scene(scene, format, also, &own, end, &plain)
+                                                      : answer_fault(plain.refused, plain.text);
     _exit(status); /* _exit: freeing the library's memory takes time */
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; the only user of that library.
+/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; with library_scene
+ * the only user of that library.
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any
  * amount of memory and time. The process has one open descriptor for the file and no other input. It opens no

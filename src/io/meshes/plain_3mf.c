@@ -245,7 +245,11 @@ static bool add_object(package *p, const char **attributes)
                   .triangle = {triangle, triangle},
                   .component = {component, component}};
     p->open = o;
-    return add_name(p, &p->object_names, p->part, xml_attribute(attributes, "id"), p->objects.count - 1);
+    const char *id = xml_attribute(attributes, "id");
+    if (find_name(&p->object_names, p->part, id))
+        return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
+                                 "two of its objects have the id \"%.40s\". Give each an id of its own.", id);
+    return add_name(p, &p->object_names, p->part, id, p->objects.count - 1);
 }
 
 static bool add_vertex(package *p, const char **attributes)

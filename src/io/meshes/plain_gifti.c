@@ -54,6 +54,7 @@ typedef struct gifti {
     plain_mesh *out;
     wanted points, triangles;
     int arrays;
+    long declared; /* number of arrays that the file states */
     bool has_root;
     wanted *open; /* the array that is open, or NULL if it is none of these */
     char *text;   /* buffer for character data; NULL: they are ignored */
@@ -151,6 +152,7 @@ static bool begin_element(void *context, const char *name, const char **attribut
                           "the file is XML with the element \"%.40s\" and no GIfTI file", name);
         return false;
     }
+    if (!g->has_root) g->declared = strtol(find(attributes, "NumberOfDataArrays"), NULL, 10);
     g->has_root = true;
     if (strcmp(name, "DataArray") == 0) begin_array(g, attributes);
     if (g->open && strcmp(name, "Data") == 0) g->open->array.begin = xml_tag_end(&g->document);
@@ -379,5 +381,8 @@ bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out)
                     check_array(&g, &g.points, false) && check_array(&g, &g.triangles, true) &&
                     add_points(&g) && add_triangles(&g);
     if (ok) warn_of_transform(&g);
+    if (ok && g.declared != g.arrays)
+        plain_mesh_warn(out, "NumberOfDataArrays is %ld, and the file has %d arrays: all are read",
+                        g.declared, g.arrays);
     return ok;
 }

@@ -16,6 +16,9 @@ enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
 /* Maximum number of primitives that nodes place: many nodes may refer to one mesh with many primitives. */
 enum { PRIMITIVES_MOST = 1000000 };
 enum { TRIANGLES = 4, TRIANGLE_STRIP = 5, TRIANGLE_FAN = 6 };
+/* Deviation of declared bounds that is not reported, as a fraction of the largest coordinate: programs write
+ * them with six digits. */
+static const double bounds_rounding = 1e-5;
 static const uint32_t CHUNK_JSON = 0x4E4F534Au, CHUNK_BIN = 0x004E4942u;
 
 /* An array of the document. */
@@ -258,13 +261,33 @@ static bool put_sparse(gltf *g, const json *sparse, const elements *like, size_t
     return true;
 }
 
+/* Warns if the declared bounds of positions differ from their bounds by more than rounding. */
+static void check_bounds(gltf *g, const json *node, size_t accessor, const double *at, size_t count)
+{
+    double low[3] = {at[0], at[1], at[2]}, high[3] = {at[0], at[1], at[2]}, extent = 0, away = 0;
+    for (size_t k = 3; k < 3 * count; k++) {
+        low[k % 3] = fmin(low[k % 3], at[k]);
+        high[k % 3] = fmax(high[k % 3], at[k]);
+    }
+    double min[3], max[3];
+    if (json_numbers(member(node, "min"), min, 3) != 3 || json_numbers(member(node, "max"), max, 3) != 3)
+        return;
+    for (int k = 0; k < 3; k++) {
+        extent = fmax(extent, fmax(fabs(low[k]), fabs(high[k])));
+        away = fmax(away, fmax(fabs(min[k] - low[k]), fabs(max[k] - high[k])));
+    }
+    if (away > bounds_rounding * extent)
+        plain_mesh_warn(g->out, "min and max of accessor %zu contradict its positions: the positions count",
+                        accessor);
+}
+
 /* Reads all numbers of an accessor. The caller frees them. NULL: the file is refused. */
 static double *read_accessor(gltf *g, double index, const char *type, size_t components, size_t *count)
 {
     const json *node = item_at(&g->accessors, index);
     const double rows = node ? json_number(member(node, "count"), -1) : -1;
     const size_t number = node ? (size_t)index : 0;
-    if (!(rows >= 0 && rows < UINT32_MAX) || strcmp(json_string(member(node, "type"), ""), type) != 0) {
+    if (!(rows >= 1 && rows < UINT32_MAX) || strcmp(json_string(member(node, "type"), ""), type) != 0) {
         damaged(g, "wrong type or count of accessor", number);
         return NULL;
     }
@@ -284,6 +307,12 @@ static double *read_accessor(gltf *g, double index, const char *type, size_t com
         free(values);
         return NULL;
     }
+    if (values && e.type == 5125 && components == 3) {
+        damaged(g, "wrong componentType of positions in accessor", number);
+        free(values);
+        return NULL;
+    }
+    if (values && e.type == 5126 && components == 3) check_bounds(g, node, number, values, e.count);
     if (e.type != 5126 && components == 3) g->out->is_quantised = true;
     *count = e.count;
     return values;

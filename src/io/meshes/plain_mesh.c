@@ -288,7 +288,7 @@ typedef struct mesh_format {
 static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
                                                   [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
                                                   [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
-                                                  [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, false},
+                                                  [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
                                                   [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
                                                   [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
                                                   [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true},

@@ -2,8 +2,8 @@
 /* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a
  * library, in the precision that they have.
  *
- * A reader reads a whole file, or refuses it with a message that gives the place. OFF, glTF and 3MF have a
- * third result: a file with contents that are not supported here is left to the library assimp
+ * A reader reads a whole file, or refuses it with a message that gives the place. glTF and 3MF have a third
+ * result: a file with contents that are not supported here is left to the library assimp
  * (mesh_reader.h). Runs in the process that reads. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_PLAIN_MESH_H
@@ -51,8 +51,8 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 /* Whether this module reads the format. */
 bool plain_mesh_reads(file_format format);
 
-/* Whether only this module reads the mesh of files with this extension: OBJ, PLY, STL, VTK (.vtk, .vtp),
- * GIfTI and NPZ. (Attributes of the vertices of OBJ, PLY and STL files are read by the library, see
+/* Whether only this module reads the mesh of files with this extension: OBJ, PLY, STL, OFF, VTK (.vtk,
+ * .vtp), GIfTI and NPZ. (Attributes of the vertices of OBJ, PLY, STL and OFF files are read by the library, see
  * mesh_file_read_values.) */
 bool plain_mesh_is_only_reader(const char *ending);
 

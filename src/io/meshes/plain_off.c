@@ -2,6 +2,7 @@
 /* OFF: text and binary, with the prefixes ST, C, N and 4 for further numbers of vertices. In text, a vertex
  * and a face have one line each; what follows the numbers that are read, such as colours, is skipped. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -122,19 +123,33 @@ static bool read_head(off *o, plain_mesh *out)
                              "its vertices have %lld coordinates. Save it with three.", dimensions);
 }
 
+/* Refuses the file at the current place, unless it is refused already. */
+static bool refuse(const off *o, const char *data, const char *what, long long number, plain_mesh *out)
+{
+    char text[100];
+    snprintf(text, sizeof text, number < 0 ? "the %s of the OFF file" : "%s %lld of the OFF file", what,
+             number);
+    if (o->is_binary)
+        return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
+                                 "%s, at byte %zu, is not read: it is damaged or truncated. Save it again.",
+                                 text, (size_t)(o->at - data));
+    return plain_mesh_refuse_line(out, data, o->at, "%s is damaged, or is not what its header declares",
+                                  text);
+}
+
 bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
 {
     off o = {.at = data, .end = data + size};
     long long vertices, faces, edges;
-    if (!read_head(&o, out) || (!o.is_binary && memchr(data, 0, size))) return false;
-    if (!read_integer(&o, &vertices) || !read_integer(&o, &faces) || vertices < 0 || faces < 0) return false;
-    if (o.is_binary && !read_integer(&o, &edges)) return false;
+    if (!read_head(&o, out) || (!o.is_binary && memchr(data, 0, size)) || !read_integer(&o, &vertices) ||
+        !read_integer(&o, &faces) || vertices < 0 || faces < 0 || (o.is_binary && !read_integer(&o, &edges)))
+        return refuse(&o, data, "header", -1, out);
     /* skip the number of edges, which many files lack */
     if (!o.is_binary) o.at += strcspn(o.at, "\n");
     for (long long k = 0; k < vertices; k++)
-        if (!read_vertex(&o, out)) return false;
+        if (!read_vertex(&o, out)) return refuse(&o, data, "vertex", k, out);
     for (long long k = 0; k < faces; k++)
-        if (!read_face(&o, out)) return false;
+        if (!read_face(&o, out)) return refuse(&o, data, "face", k, out);
     if (!o.is_binary) skip_to_number(&o);
-    return o.at == o.end;
+    return o.at == o.end || refuse(&o, data, "end", -1, out);
 }

@@ -443,6 +443,15 @@ static bool add_points(vtp *v, size_t index)
     return ok;
 }
 
+/* Whether an array has text other than blanks in its element. */
+static bool has_numbers(const vtp *v, const array *a)
+{
+    if (a->place != PLACE_TEXT) return false;
+    size_t at = a->begin;
+    while (at < a->end && isspace((unsigned char)v->data[at])) at++;
+    return at < a->end;
+}
+
 static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
 {
     const piece *p = &v->pieces[index];
@@ -452,7 +461,8 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
     char name[64];
     int64_t *vertex = NULL;
     size_t room = 0;
-    if (cells == 0) return true;
+    if (cells == 0 && !has_numbers(v, &p->connectivity[kind])) return true;
+    if (cells == 0) return damaged(v, &(wanted){vtk_cells_name(kind), index, 0}, "has numbers for 0 cells");
     if (cells > SIZE_MAX / 16)
         return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED, "the VTK file has too many cells");
     snprintf(name, sizeof name, "offsets of %s", vtk_cells_name(kind));

@@ -511,7 +511,7 @@ typedef struct nifti_head {
     double vox_offset;
     double pixdim[3]; /* sizes of a voxel */
     double qfac, quatern[3], qoffset[3];
-    int qform_code, sform_code;
+    int qform_code, sform_code, bitpix;
     bool swapped, packed;
 } nifti_head;
 
@@ -528,7 +528,9 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
             nifti_swap_8bytes(4, second.pixdim);
             nifti_swap_8bytes(6, &second.quatern_b);
             nifti_swap_4bytes(2, &second.qform_code);
+            nifti_swap_2bytes(1, &second.bitpix);
         }
+        h.bitpix = second.bitpix;
         h.qfac = second.pixdim[0];
         h.qform_code = second.qform_code;
         h.sform_code = second.sform_code;
@@ -549,7 +551,9 @@ static nifti_head head_of_nifti(const char *bytes, size_t length, int version, b
             nifti_swap_4bytes(4, first.pixdim);
             nifti_swap_4bytes(6, &first.quatern_b);
             nifti_swap_2bytes(2, &first.qform_code);
+            nifti_swap_2bytes(1, &first.bitpix);
         }
+        h.bitpix = first.bitpix;
         h.qfac = (double)first.pixdim[0];
         h.qform_code = first.qform_code;
         h.sform_code = first.sform_code;
@@ -634,6 +638,10 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, co
             "qform_code is %d and sform_code is %d: a negative code counts as 0, so that its transform is not used. "
             "Correct the header.",
             h->qform_code, h->sform_code);
+    if (h->bitpix != 8 * n->nbyper)
+        dense_warn(&a->head.warnings,
+                   "bitpix is %d, and the datatype %d has %d bits: the datatype counts. Correct the header.",
+                   h->bitpix, n->datatype, 8 * n->nbyper);
     for (int k = 3; k < 7; k++)
         if (size[k] > 1 && __builtin_mul_overflow(a->head.volumes, size[k], &a->head.volumes))
             return refuse(a, ERROR_INPUT_DAMAGED, "claims more volumes than can be counted");

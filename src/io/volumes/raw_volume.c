@@ -332,6 +332,21 @@ static bool choose_volume(raw_volume *s, int64_t index, error *e)
     return true;
 }
 
+/* Adds a warning if more bytes than those of a line break follow the data of the open file: a size in the
+ * header may be too small. `volumes`: from the chosen one on. */
+static void note_more_bytes(raw_volume *s, int64_t volumes)
+{
+    struct stat st;
+    if (s->head.encoding != VOLUME_HEADER_RAW || fstat(s->data, &st) != 0) return;
+    const int64_t more = st.st_size - s->offset - volumes * s->left * size_of(&s->head);
+    if (more <= 2) return;
+    dense_warn(
+        &s->base.warnings,
+        "%lld bytes follow the data of %lld x %lld x %lld samples, and are not read. Compare the sizes "
+        "in the header with the data.",
+        (long long)more, (long long)s->head.size[0], (long long)s->head.size[1], (long long)s->head.size[2]);
+}
+
 /* Adds a warning if the length of the data in the header differs from that of the file. Whether all values
  * are present is found only by reading. */
 static void note_length(raw_volume *s)
@@ -365,6 +380,7 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
         dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
     s->base.fine = numbers_need_doubles((number_type)s->head.type);
     note_length(s);
+    note_more_bytes(s, s->base.volumes - (index > 0 ? index : 0));
     return &s->base;
 }
 

@@ -179,6 +179,8 @@ typedef struct ome {
     dense_warnings *warnings;
     char *fault;
     int images, pixels; /* number of elements of each kind read so far */
+    long long planes;   /* sum of PlaneCount */
+    bool has_uncounted; /* an element TiffData has no PlaneCount */
     bool elsewhere;     /* the pixels are described by another file */
     char order[8];
 } ome;
@@ -195,9 +197,8 @@ static bool read_count(ome *o, const char **attributes, const char *name, int64_
     const long long value = text ? strtoll(text, &end, 10) : 0;
     if (!text || *end || value < 1 || value > (long long)most_pages) {
         char why[TIFF_FAULT_SIZE];
-        snprintf(why, sizeof why,
-                 "its OME-XML has the %s \"%.40s\", which is not a number of pages from 1 to %.0f", name,
-                 text ? text : "", most_pages);
+        snprintf(why, sizeof why, "its OME-XML has the %s \"%.40s\", which is not a number from 1 to %.0f",
+                 name, text ? text : "", most_pages);
         refuse(o, why);
         return false;
     }
@@ -264,8 +265,13 @@ static void read_pixels(ome *o, const char **attributes)
     snprintf(o->order, sizeof o->order, "%s", order ? order : "XYZCT");
     if (!read_count(o, attributes, "SizeZ", &o->out->slices) ||
         !read_count(o, attributes, "SizeC", &o->out->channels) ||
-        !read_count(o, attributes, "SizeT", &o->out->frames) || !read_order(o))
+        !read_count(o, attributes, "SizeT", &o->out->frames) ||
+        (xml_attribute(attributes, "SizeX") && !read_count(o, attributes, "SizeX", &o->out->width)) ||
+        (xml_attribute(attributes, "SizeY") && !read_count(o, attributes, "SizeY", &o->out->height)) ||
+        !read_order(o))
         return;
+    const char *type = xml_attribute(attributes, "Type");
+    snprintf(o->out->type, sizeof o->out->type, "%s", type ? type : "");
     read_sizes(o, attributes);
     o->out->kind = "OME-XML";
 }
@@ -282,6 +288,10 @@ static void check_plane(ome *o, const char **attributes)
         if (*end || number[k] < 0 || number[k] > (long long)most_pages) number[k] = -1;
     }
     const tiff_description *d = o->out;
+    int64_t planes = 0;
+    o->has_uncounted |= !xml_attribute(attributes, "PlaneCount");
+    if (xml_attribute(attributes, "PlaneCount") && !read_count(o, attributes, "PlaneCount", &planes)) return;
+    o->planes += planes;
     if (text[0] &&
         (number[0] < 0 || number[1] < 0 || number[2] < 0 || number[3] < 0 ||
          number[0] != number[1] * d->slice_step + number[2] * d->channel_step + number[3] * d->frame_step))
@@ -318,6 +328,13 @@ static bool describe_ome(const char *text, tiff_description *out, dense_warnings
         return snprintf(fault, TIFF_FAULT_SIZE,
                         "its OME-XML describes %d images: save one of them as a file of its own",
                         o.images) < 0;
+    if (out->kind && o.planes > 0 && !o.has_uncounted &&
+        o.planes != out->slices * out->channels * out->frames)
+        dense_warn(
+            warnings,
+            "TiffData of its OME-XML have %lld planes, and SizeZ, SizeC and SizeT give %lld: the sizes "
+            "count",
+            o.planes, (long long)(out->slices * out->channels * out->frames));
     if (!out->kind && o.elsewhere)
         dense_warn(warnings, "its OME-XML is in another file (BinaryOnly) and is not read: set voxel_size");
     return true;

@@ -19,6 +19,8 @@ typedef struct tiff_description {
     /* ImageJ: number of pages, also of a file with a single directory; 0: unknown */
     int64_t images;
     int64_t slices, channels, frames; /* at least 1, if `kind` */
+    int64_t width, height;            /* OME-XML; 0: not stated */
+    char type[16];                    /* of the numbers, such as "uint16"; OME-XML; "": not stated */
     /* distance, in pages, between consecutive slices, channels, frames */
     int64_t slice_step, channel_step, frame_step;
     double size[3];            /* of a voxel; 0: unknown */

@@ -449,6 +449,26 @@ static void read_size(tiff_file *f)
     if (!*f->unit) strcpy(f->unit, unit == RESUNIT_INCH ? "inch" : unit == RESUNIT_CENTIMETER ? "cm" : "");
 }
 
+/* Warns of sizes, types and numbers of pages of a description that differ from those of the image. */
+static void compare_description(tiff_file *f)
+{
+    const tiff_description *d = &f->description;
+    const layout *l = &f->layout;
+    const char *type = numbers_name(f->type);
+    if ((d->width > 0 && d->width != l->width) || (d->height > 0 && d->height != l->height))
+        dense_warn(
+            &f->warnings,
+            "its OME-XML has SizeX %lld and SizeY %lld, and the image %u x %u pixels: the image counts",
+            (long long)d->width, (long long)d->height, l->width, l->height);
+    if (*d->type && strcmp(d->type, type) != 0 && l->bits >= 8)
+        dense_warn(&f->warnings, "its OME-XML has the Type \"%s\", and the image has %s: the image counts",
+                   d->type, type);
+    if (d->kind && d->images > 1 && !f->is_contiguous && d->images != (int64_t)f->count)
+        dense_warn(&f->warnings,
+                   "ImageJ's description has %lld images, and the file has %zu: the file counts",
+                   (long long)d->images, (size_t)f->count);
+}
+
 static bool read_description(tiff_file *f)
 {
     const char *text = NULL;
@@ -458,6 +478,7 @@ static bool read_description(tiff_file *f)
     if (!tiff_describe(text ? text : "", &f->description, &f->warnings, fault))
         return refuse(f, ERROR_INPUT_UNSUPPORTED, "%s", fault);
     find_contiguous(f);
+    compare_description(f);
     read_size(f);
     tiff_description *d = &f->description;
     const int64_t pages = f->is_contiguous ? d->images : (int64_t)f->count;

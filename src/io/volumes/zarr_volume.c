@@ -424,6 +424,32 @@ static void find_steps(zarr_volume *v)
     }
 }
 
+/* Adds a warning if there is a chunk behind the last one of an axis, in the middle of the other axes: the shape
+ * may be too small. */
+static void note_chunks_outside(zarr_volume *v)
+{
+    for (int k = 0; k < 3; k++) {
+        char name[ZARR_PATH_SIZE + 256];
+        int64_t file_at[ZARR_AXES_MOST];
+        bool is_missing;
+        error e = {0};
+        for (int n = 0; n < v->m.axes; n++) file_at[n] = v->m.shape[n] / 2 / v->m.shard[n];
+        const int axis = v->m.space[k];
+        const int64_t side = v->m.shard[axis];
+        file_at[axis] = (v->m.shape[axis] + side - 1) / side;
+        name_file(v, file_at, name, sizeof name);
+        const int file = v->params.directory->open(v->params.directory->context, name, &is_missing, &e);
+        if (file < 0) continue;
+        close(file);
+        dense_warn(
+            &v->base.warnings,
+            "the chunk %.120s lies outside of the shape of the array, and is not read. Compare the shape "
+            "with the chunks.",
+            name);
+        return;
+    }
+}
+
 static bool prepare(zarr_volume *v, error *e)
 {
     zarr_metadata *m = &v->m;
@@ -450,6 +476,7 @@ static bool prepare(zarr_volume *v, error *e)
         dense_warn_of_unit(&v->base.warnings, strcmp(m->unit, "millimeter") == 0 ? "mm" : m->unit);
     v->base.type = numbers_name(m->type);
     v->base.fine = numbers_need_doubles(m->type);
+    note_chunks_outside(v);
     return check_limits(v, e);
 }
 

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/meshes/library_scene.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include <assimp/cimport.h>
+#include <assimp/commonMetaData.h>
+#include <assimp/importerdesc.h>
+
+/* Maximum number of the library's warnings that are kept of a file. */
+enum { MOST_WARNINGS = 3 };
+/* Relative deviation of a length of 1 that is rounding of the library's floats. */
+static const double rounding = 1e-4;
+
+/* ---- formats */
+
+/* Whether a word of a list that blanks separate equals the ending, in any case. */
+static bool is_listed(const char *list, const char *ending)
+{
+    const size_t length = strlen(ending);
+    for (const char *at = list; length > 0 && *at; at += strcspn(at, " "), at += strspn(at, " "))
+        if (strcspn(at, " ") == length && strncasecmp(at, ending, length) == 0) return true;
+    return false;
+}
+
+/* The row of an importer: that of the first ending that it reads. */
+static const file_format_row *row_of(const struct aiImporterDesc *importer)
+{
+    char first[16];
+    const int length = (int)strcspn(importer->mFileExtensions, " ");
+    snprintf(first, sizeof first, "%.*s", length, importer->mFileExtensions);
+    return &file_formats[file_format_of_name(first)];
+}
+
+static bool is_read(const struct aiImporterDesc *importer)
+{
+    return row_of(importer)->reading != FILE_FORMAT_NOT_READ;
+}
+
+static bool refuse_importer(const struct aiImporterDesc *importer, plain_mesh *m)
+{
+    const file_format_row *row = row_of(importer);
+    if (row->as_mesh) return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED, "%s", row->as_mesh);
+    return plain_mesh_refuse(
+        m, ERROR_INPUT_UNSUPPORTED,
+        "the format of the file is not read (its reader in the library assimp is \"%s\"). Convert it with Blender, or with "
+        "assimp (assimp export FILE mesh.ply), and compare its size and axes.",
+        importer->mName);
+}
+
+bool library_scene_accepts(const char *ending, plain_mesh *m)
+{
+    const struct aiImporterDesc *unread = NULL;
+    for (size_t k = 0; k < aiGetImportFormatCount(); k++) {
+        const struct aiImporterDesc *importer = aiGetImportFormatDescription(k);
+        if (!is_listed(importer->mFileExtensions, ending)) continue;
+        if (is_read(importer)) return true;
+        unread = importer;
+    }
+    return !unread || refuse_importer(unread, m);
+}
+
+/* The importer that read the scene; NULL: unknown. */
+static const struct aiImporterDesc *importer_of(const struct aiScene *scene)
+{
+    const struct aiMetadata *data = scene->mMetaData;
+    for (unsigned k = 0; data && k < data->mNumProperties; k++) {
+        if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
+            data->mValues[k].mType != AI_AISTRING)
+            continue;
+        const char *name = ((struct aiString *)data->mValues[k].mData)->data;
+        for (size_t n = 0; n < aiGetImportFormatCount(); n++) {
+            const struct aiImporterDesc *importer = aiGetImportFormatDescription(n);
+            if (strcmp(importer->mName, name) == 0) return importer;
+        }
+    }
+    return NULL;
+}
+
+/* ---- warnings of the library */
+
+static char *kept[MOST_WARNINGS];
+
+/* Whether the text is about something that is not read anyway, or about the structure of an FBX file that the
+ * library completes by its defaults. */
+static bool is_unrelated(const char *text)
+{
+    static const char *const words[] = {"material",    "texture",   "anim",   "image",         "light",
+                                        "Definitions", "hierarchy", "camera", "property table"};
+    for (size_t k = 0; k < sizeof words / sizeof *words; k++)
+        if (strcasestr(text, words[k])) return true;
+    return false;
+}
+
+/* Keeps the text of a line such as "Warn,  T0: text". */
+static void keep(const char *line, char *unused)
+{
+    const char *text = strstr(line, ": ");
+    (void)unused;
+    if (!text || (strncmp(line, "Warn", 4) != 0 && strncmp(line, "Error", 5) != 0) || is_unrelated(line))
+        return;
+    char *copy = strndup(text + 2, strcspn(text + 2, "\n"));
+    for (int k = 0; copy && k < MOST_WARNINGS; k++) {
+        if (kept[k] && strcmp(kept[k], copy) == 0) break;
+        if (!kept[k]) {
+            kept[k] = copy;
+            return;
+        }
+    }
+    free(copy);
+}
+
+void library_scene_listen(void)
+{
+    static const struct aiLogStream stream = {keep, NULL};
+    aiAttachLogStream(&stream);
+}
+
+/* ---- what is not applied */
+
+static const struct aiMetadataEntry *entry_of(const struct aiMetadata *data, const char *key,
+                                              enum aiMetadataType type)
+{
+    for (unsigned k = 0; data && k < data->mNumProperties; k++)
+        if (strcmp(data->mKeys[k].data, key) == 0 && data->mValues[k].mType == type) return &data->mValues[k];
+    return NULL;
+}
+
+static int32_t integer_of(const struct aiMetadata *data, const char *key, int32_t otherwise)
+{
+    const struct aiMetadataEntry *entry = entry_of(data, key, AI_INT32);
+    if (entry) memcpy(&otherwise, entry->mData, sizeof otherwise);
+    return otherwise;
+}
+
+static void warn_of_axes_and_unit(const struct aiMetadata *data, plain_mesh *m)
+{
+    const struct aiMetadataEntry *unit = entry_of(data, "UnitScaleFactor", AI_FLOAT);
+    const int32_t up = integer_of(data, "UpAxis", 1), sign = integer_of(data, "UpAxisSign", 1);
+    float centimetres = 1;
+    if (unit) memcpy(&centimetres, unit->mData, sizeof centimetres);
+    if (centimetres != 1)
+        plain_mesh_warn(m, "the unit of the file is %g cm: coordinates are not converted",
+                        (double)centimetres);
+    if ((up != 1 || sign != 1) && up >= 0 && up < 3)
+        plain_mesh_warn(m, "the up axis of the file is %s%c: coordinates are not converted",
+                        sign < 0 ? "-" : "", "xyz"[up]);
+}
+
+/* Length of a column of the linear part. */
+static double scale_of(const struct aiMatrix4x4 *t, int column)
+{
+    const float *m = &t->a1;
+    double sum = 0;
+    for (int row = 0; row < 3; row++) sum += (double)m[4 * row + column] * (double)m[4 * row + column];
+    return sqrt(sum);
+}
+
+static bool has_scale(const struct aiMatrix4x4 *t)
+{
+    for (int column = 0; column < 3; column++)
+        if (fabs(scale_of(t, column) - 1) > rounding) return true;
+    return false;
+}
+
+typedef struct nodes {
+    size_t hidden, uninherited;
+    bool *is_placed; /* by the number of the mesh */
+} nodes;
+
+/* Walks over the nodes, to a depth that mesh_reader accepts. */
+static void count_nodes(const struct aiScene *scene, const struct aiNode *node, nodes *n)
+{
+    const struct aiMetadataEntry *show = entry_of(node->mMetaData, "Show", AI_BOOL);
+    n->hidden += show && !*(const bool *)show->mData;
+    /* 1: the transform of the parent applies. The library applies it always. */
+    n->uninherited += integer_of(node->mMetaData, "InheritType", 1) != 1 && node->mParent &&
+                      has_scale(&node->mParent->mTransformation);
+    for (unsigned k = 0; k < node->mNumMeshes; k++)
+        if (node->mMeshes[k] < scene->mNumMeshes) n->is_placed[node->mMeshes[k]] = true;
+    for (unsigned k = 0; k < node->mNumChildren; k++) count_nodes(scene, node->mChildren[k], n);
+}
+
+static void warn_of_nodes(const struct aiScene *scene, plain_mesh *m)
+{
+    size_t unplaced = 0;
+    nodes n = {.is_placed = calloc(scene->mNumMeshes + 1, sizeof *n.is_placed)};
+    if (!n.is_placed) return;
+    count_nodes(scene, scene->mRootNode, &n);
+    for (unsigned k = 0; k < scene->mNumMeshes; k++) unplaced += !n.is_placed[k];
+    free(n.is_placed);
+    if (unplaced > 0)
+        plain_mesh_warn(m, "%zu of %u meshes are not placed by a node, and are not read", unplaced,
+                        scene->mNumMeshes);
+    if (n.hidden > 0) plain_mesh_warn(m, "%zu nodes are hidden: they are read like the others", n.hidden);
+    if (n.uninherited > 0)
+        plain_mesh_warn(m, "%zu nodes have an InheritType other than 1: the scale of their parents applies",
+                        n.uninherited);
+}
+
+bool library_scene_check(const struct aiScene *scene, plain_mesh *m)
+{
+    const struct aiImporterDesc *importer = importer_of(scene);
+    if (importer && !is_read(importer)) return refuse_importer(importer, m);
+    const file_format_row *row = importer ? row_of(importer) : &file_formats[FILE_FORMAT_UNKNOWN];
+    if (row->reading != FILE_FORMAT_READ_BY_LIBRARY) return true;
+    const double master = scale_of(&scene->mRootNode->mTransformation, 0);
+    if (row == &file_formats[FILE_FORMAT_3DS] && fabs(master - 1) > rounding)
+        plain_mesh_warn(m, "the file has a master scale of %.6g: coordinates are divided by it", 1 / master);
+    warn_of_axes_and_unit(scene->mMetaData, m);
+    warn_of_nodes(scene, m);
+    for (int k = 0; k < MOST_WARNINGS && kept[k]; k++)
+        plain_mesh_warn(m, "the library that reads the format reports: %s", kept[k]);
+    return true;
+}

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/meshes/library_text.h"
+
+#include <ctype.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- XML */
+
+/* Maximum depth of elements whose parents are known; COLLADA files have about ten levels. */
+enum { DEEPEST = 200 };
+
+typedef struct document {
+    xml reader;
+    plain_mesh *m;
+    int depth;
+    bool is_node[DEEPEST]; /* by depth: whether the element is a <node> of COLLADA */
+    size_t begin;          /* of the text of the innermost element */
+    size_t declared;       /* attribute `count` of the last element that has one */
+    size_t triangles;      /* count of the current <triangles>; 0: the element is another */
+    size_t stride;         /* numbers for each corner of it */
+} document;
+
+static bool refuse(document *d, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static bool refuse(document *d, const char *format, ...)
+{
+    char text[200];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return plain_mesh_refuse(d->m, ERROR_INPUT_DAMAGED, "line %lu: %s. Save it again.", xml_line(&d->reader),
+                             text);
+}
+
+/* Reads a number that is whole and not negative, and nothing else. */
+static bool read_whole(const char *text, size_t *out)
+{
+    char *end;
+    *out = strtoull(text, &end, 10);
+    return isdigit((unsigned char)*text) && *end == 0;
+}
+
+/* Counts the numbers between two places of the file. False: the file is refused, because another word is
+ * between them. */
+static bool count_numbers(document *d, const char *element, size_t *count)
+{
+    const char *at = d->reader.data + d->begin, *last = d->reader.data + xml_tag_begin(&d->reader);
+    for (*count = 0;; ++*count) {
+        char *end;
+        while (at < last && isspace((unsigned char)*at)) at++;
+        if (at >= last) return true;
+        strtod(at, &end);
+        if (end == at || (end < last && !isspace((unsigned char)*end)))
+            return refuse(d, "<%s> has \"%.*s\", which is not a number", element,
+                          (int)strcspn(at, " \t\r\n<"), at);
+        at = end;
+    }
+}
+
+/* ---- COLLADA */
+
+/* Numbers of the elements that place a node. */
+static const struct {
+    const char *name;
+    size_t numbers;
+} transforms[] = {{"translate", 3}, {"rotate", 4}, {"scale", 3}, {"matrix", 16}, {"lookat", 9}};
+
+static bool begin_collada(void *context, const char *name, const char **attributes)
+{
+    document *d = context;
+    const char *count = xml_attribute(attributes, "count"), *offset = xml_attribute(attributes, "offset");
+    size_t place = 0;
+    name = xml_local_name(name);
+    if (++d->depth >= DEEPEST) return refuse(d, "its elements are nested more than %d deep", DEEPEST);
+    d->is_node[d->depth] = strcmp(name, "node") == 0;
+    d->begin = xml_tag_end(&d->reader);
+    if (strcmp(name, "skew") == 0 && d->is_node[d->depth - 1])
+        return plain_mesh_refuse(d->m, ERROR_INPUT_UNSUPPORTED,
+                                 "line %lu: the file has a <skew>, which is not read. Apply the transforms "
+                                 "of its nodes to the vertices before you save it.",
+                                 xml_line(&d->reader));
+    if (count && !read_whole(count, &d->declared))
+        return refuse(d, "the count of <%s> is \"%s\", which is not a number", name, count);
+    if (strcmp(name, "triangles") == 0) {
+        d->triangles = count ? d->declared : 0;
+        d->stride = 1;
+    } else if (strcmp(name, "input") == 0 && offset) {
+        if (!read_whole(offset, &place))
+            return refuse(d, "the offset of <input> is \"%s\", which is not a number", offset);
+        if (place >= d->stride) d->stride = place + 1;
+    } else if (strstr(name, "poly") || strstr(name, "tri")) {
+        d->triangles = 0;
+    }
+    return true;
+}
+
+static void end_collada(void *context, const char *name)
+{
+    document *d = context;
+    size_t count;
+    name = xml_local_name(name);
+    const bool is_placed = d->is_node[--d->depth];
+    if (d->m->refused != ERROR_NONE) return;
+    if (strcmp(name, "float_array") == 0) {
+        if (count_numbers(d, name, &count) && count != d->declared)
+            refuse(d, "<float_array> declares %zu numbers and has %zu", d->declared, count);
+    } else if (strcmp(name, "p") == 0) {
+        if (count_numbers(d, name, &count) && d->triangles > 0 && count != 3 * d->stride * d->triangles)
+            refuse(d, "<triangles> declares %zu triangles of %zu numbers and has %zu numbers", d->triangles,
+                   3 * d->stride, count);
+    }
+    for (size_t k = 0; k < sizeof transforms / sizeof *transforms && is_placed; k++)
+        if (strcmp(name, transforms[k].name) == 0 && count_numbers(d, name, &count) &&
+            count != transforms[k].numbers)
+            refuse(d, "<%s> has %zu numbers and not %zu", name, count, transforms[k].numbers);
+}
+
+/* ---- X3D */
+
+static bool begin_x3d(void *context, const char *name, const char **attributes)
+{
+    document *d = context;
+    const char *category = xml_attribute(attributes, "category");
+    if (strcmp(name, "unit") == 0 && category && strcmp(category, "length") == 0)
+        plain_mesh_warn(d->m, "the file has a unit of length: coordinates are not converted");
+    return true;
+}
+
+/* ---- FBX */
+
+/* Beginning of the name of the property in a line of text; NULL: the line is another. */
+static const char *property_of(const char *line)
+{
+    static const char *const begins[] = {"P: \"", "Property: \""};
+    line += strspn(line, " \t");
+    for (size_t k = 0; k < sizeof begins / sizeof *begins; k++)
+        if (strncmp(line, begins[k], strlen(begins[k])) == 0) return line + strlen(begins[k]);
+    return NULL;
+}
+
+/* Whether a line between `first` and `last` has a property of the same name. */
+static bool is_there(const char *first, const char *last, const char *name, size_t length)
+{
+    for (const char *at = first; at < last; at = strchr(at, '\n') + 1) {
+        const char *other = property_of(at);
+        if (other && strncmp(other, name, length + 1) == 0) return true;
+    }
+    return false;
+}
+
+/* Refuses text in which a list of properties has one of them twice. */
+static bool check_fbx(const char *data, plain_mesh *m)
+{
+    const char *first = data; /* of the list */
+    for (const char *at = data; at; at = strchr(at, '\n')) {
+        at += *at == '\n';
+        const char *name = property_of(at);
+        if (!name) {
+            first = at;
+            continue;
+        }
+        const size_t length = strcspn(name, "\"\n");
+        if (name[length] == '"' && is_there(first, at, name, length))
+            return plain_mesh_refuse_line(m, data, at, "the property \"%.*s\" is there twice",
+                                          (int)(length < 60 ? length : 60), name);
+    }
+    return true;
+}
+
+bool library_text_check(const char *ending, const char *data, size_t size, plain_mesh *m)
+{
+    const file_format format = file_format_of_name(ending);
+    document d = {.m = m};
+    d.reader = (xml){.data = data, .size = size, .context = &d, .allows_doctype = true};
+    switch (format) {
+    case FILE_FORMAT_COLLADA:
+        d.reader.begin = begin_collada;
+        d.reader.end = end_collada;
+        return plain_mesh_read_xml(m, &d.reader, "the COLLADA file");
+    case FILE_FORMAT_X3D:
+        d.reader.begin = begin_x3d;
+        return plain_mesh_read_xml(m, &d.reader, "the X3D file");
+    case FILE_FORMAT_FBX:
+        return strncmp(data, "Kaydara", 7) == 0 || check_fbx(data, m);
+    default:
+        return true;
+    }
+}
