@@ -196,9 +196,9 @@ export type JobSummary = {
   id: string;
   name: string | null;
   /**
-   * The name of the first file of the surface, for lists. null: the job has a name, the surface has no file
-   * or an uploaded one, the spec is longer than 16384 characters in a list of jobs, or the job belongs to
-   * another user.
+   * The name of the first file of the surface, for lists; of an uploaded file the name that the caller gave
+   * it. null: the job has a name, the surface has no file or one that the caller gave no name, the spec is
+   * longer than 16384 characters in a list of jobs, or the job belongs to another user.
    */
   input: string | null;
   owner: string;
@@ -322,6 +322,8 @@ export type Input = {
   bytes: number;
   /** The path by which a spec names the file; an extension may follow. */
   path: string;
+  /** The name that the caller gave the file. Other users do not see it. null: none. */
+  name: string | null;
 };
 
 export type FilePage = {
@@ -2824,7 +2826,10 @@ export interface Operations {
       owner?: string;
       /** Only jobs with this label, or their events. */
       label?: string;
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name?: string;
       /** Only jobs with this text in their name; the case of ASCII letters does not matter. */
       text?: string;
@@ -3087,7 +3092,10 @@ export interface Operations {
     parameters: {
       /** The id of a job. */
       id: string;
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name: string;
       /** The frame of an array job. */
       frame?: number;
@@ -3141,6 +3149,11 @@ export interface Operations {
     parameters: {
       /** The SHA-256 of the file: 64 hexadecimal digits in lower case. */
       sha256: string;
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
+      name?: string;
       body: Uint8Array;
     };
     answer: Input;
@@ -3236,7 +3249,10 @@ export interface Operations {
   /** Get a file of the web page. */
   getPageFile: {
     parameters: {
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name: string;
       /** The known ETag: the answer is 304 if it is still valid. */
       "If-None-Match"?: string;

@@ -865,7 +865,9 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):
     count.send_keys("500")
     wait_until(lambda: "500" in browser.text(".estimate"), "the new estimate")
     browser.press("Submit", "aside")
-    browser.wait_text("cube.obj", "h1")
+    browser.wait_text("cube.obj", "h1")  # the name of the file: the job has none
+    jobs = with_token(closed_service, closed_service.token, "GET", "/v1/jobs").json["jobs"]
+    assert [(job["name"], job["input"]) for job in jobs] == [(None, None)]  # for the administrator
     browser.wait_text("points.ply", ".results")
     size = browser.run("return fetch(document.querySelector('.results a').href).then(r => r.arrayBuffer()).then(b => b.byteLength)")
     assert size > 500 * 52

@@ -8,6 +8,7 @@
 
 #include "service/api/paths.h"
 #include "base/core/clock.h"
+#include "base/core/memory.h"
 #include "files/sent_file.h"
 #include "service/http/reply.h"
 #include "service/results/result.h"
@@ -152,17 +153,23 @@ static const char *first_path(const json_at *at)
     return found;
 }
 
-/* Adds `input`: the name of the first file of the surface, for a job without a name of its own. Uploaded files
- * have no names. */
-static void put_input(json *object, const queue_job *job, bool own)
+bool job_json_put_input(json *object, const queue_job *job, job_json_viewer viewer,
+                        const store_inputs *inputs, const char *user)
 {
-    char name[STORE_INPUT_NAME_SIZE];
-    const bool wanted = own && job->spec && (!job->name || !*job->name);
+    char sent[STORE_INPUT_NAME_SIZE], *name = NULL;
+    const bool wanted = viewer != JOB_JSON_READER && job->spec && (!job->name || !*job->name);
     json *document = wanted ? json_parse(job->spec, strlen(job->spec), NULL) : NULL;
     json_at root = json_root(document), surface = json_member(&root, "surface");
     const char *path = first_path(&surface), *slash = path ? strrchr(path, '/') : NULL;
-    json_put_string(object, "input", path && sent_file_match(path, name) ? NULL : slash ? slash + 1 : path);
+    const bool is_sent = path && sent_file_match(path, sent);
+    if (is_sent)
+        name = store_inputs_get_file_name(inputs, sent + strlen(STORE_INPUT_PREFIX), user);
+    else if (path)
+        name = mem_strdup(slash ? slash + 1 : path);
+    json_put_string(object, "input", name);
+    free(name);
     json_free(document);
+    return !is_sent;
 }
 
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
@@ -171,7 +178,6 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *pro
     json *o = json_new_object();
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
-    put_input(o, job, own);
     json_put_string(o, "owner", job->owner ? job->owner : "");
     json_put_integer(o, "revision", job->revision);
     json_put_string(o, "state", queue_state_name(job->state));

@@ -15,6 +15,7 @@
 #include "service/auth/access.h"
 #include "base/json/json.h"
 #include "service/queue/queue.h"
+#include "service/uploads/upload_store.h"
 
 #define JOB_JSON_TAG_SIZE 40 /* of an ETag, with the terminating 0 */
 
@@ -31,9 +32,14 @@ const char *job_json_cached_from(const queue_job *job, job_json_viewer viewer);
 /* The set of outcomes (queue.h) of spec.accept. */
 unsigned job_json_outcomes(unsigned accept);
 
-/* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last
+/* The document of a job without `input`, `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last
  * progress line of its worker (JSON text); NULL: none. */
 json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress);
+
+/* Adds `input`, a name for a job without one: that of the first file of its surface. For an uploaded file it is the
+ * name that `user`, the caller, gave it. False if this name can change while the job does not. */
+bool job_json_put_input(json *object, const queue_job *job, job_json_viewer viewer,
+                        const store_inputs *inputs, const char *user);
 
 /* Adds the members `spec`, with the paths of the client, and `paths`, the list of mapped paths
  * (service/api/paths.h). Both are stored as JSON text, or NULL. */

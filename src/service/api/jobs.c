@@ -57,6 +57,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     }
     char *progress = progress_of(c, job, viewer);
     json *document = job_json_new(job, viewer, progress);
+    const bool fixed = job_json_put_input(document, job, viewer, c->inputs, request->caller->user);
     job_json_put_spec(document, viewer, job->spec, job->paths);
     job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
@@ -68,8 +69,8 @@ static void answer_job(const http_context *c, const http_request *request, const
     reply_add_header(r, "ETag", made.tag);
     made.text = r->body;
     made.length = r->length;
-    /* the progress of a running job changes while the stamp of the job does not */
-    if (!progress && !job->tasks.running) document_cache_put(c->documents, job, viewer, &made);
+    /* the progress of a running job, and the name of an uploaded file, change while the stamp does not */
+    if (fixed && !progress && !job->tasks.running) document_cache_put(c->documents, job, viewer, &made);
     free(progress);
 }
 
@@ -329,13 +330,15 @@ static char *print_labels(const spec *s)
 
 /* Sets a reply with the document of a job that was just submitted. It is made from the submission, because
  * the job is accepted even if the database cannot be read now. */
-static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
+static void show_accepted(const http_context *c, const queue_receipt *receipt, const queue_submission *put,
+                          reply *r)
 {
     queue_job job = {
         .name = (char *)put->name,
         .owner = (char *)put->owner,
         .labels = (char *)put->labels,
         .trace = (char *)put->trace,
+        .spec = (char *)put->spec,
         .revision = receipt->revision,
         .state = receipt->state,
         .priority = put->priority,
@@ -351,6 +354,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     char tag[JOB_JSON_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = job_json_new(&job, JOB_JSON_OWNER, NULL);
+    job_json_put_input(document, &job, JOB_JSON_OWNER, c->inputs, put->owner);
     job_json_put_spec(document, JOB_JSON_OWNER, put->spec, put->paths);
     json_put_null(document, "notes");
     json_put_null(document, "delivery");
@@ -467,7 +471,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         executor_wake(c->x);
         log_write(LOG_LEVEL_INFO, "job accepted job=%s user=%s trace=%s", receipt->id, put->owner,
                   put->trace ? put->trace : "-");
-        show_accepted(receipt, put, r);
+        show_accepted(c, receipt, put, r);
         reply_add_header(r, "Location", location);
         jobs_wait(c, request, receipt->id, r);
         break;
@@ -861,7 +865,9 @@ static void answer_page(const http_context *c, const http_request *request, cons
     for (size_t i = 0; i < page->count && i < limit; i++) {
         const job_json_viewer viewer = job_json_viewer_of(request->caller, page->jobs[i].owner);
         char *progress = progress_of(c, &page->jobs[i], viewer);
-        json_append(list, job_json_new(&page->jobs[i], viewer, progress));
+        json *job = job_json_new(&page->jobs[i], viewer, progress);
+        job_json_put_input(job, &page->jobs[i], viewer, c->inputs, request->caller->user);
+        json_append(list, job);
         free(progress);
     }
     json_put_string(document, "next", cursor);
