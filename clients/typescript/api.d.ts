@@ -223,6 +223,11 @@ export type JobSummary = {
   attempt: number;
   max_attempts: number;
   progress: null | Progress;
+  /**
+   * How many jobs of the same owner start before this one: those of a higher priority, and earlier ones of
+   * the same priority; 100: or more. Owners take turns. null: the job does not wait for its turn.
+   */
+  ahead: number | null;
   error: null | Error;
   delivery: null | Delivery;
   links: {
