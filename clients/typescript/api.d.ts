@@ -929,9 +929,9 @@ export type JobSpec = {
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
        * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
-       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
-       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
-       * otherwise shading.
+       * the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given;
+       * spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are then
+       * the range; otherwise shading.
        */
       color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
@@ -941,8 +941,8 @@ export type JobSpec = {
        */
       attribute?: string;
       /**
-       * The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
-       * percentile.
+       * The values at both ends of the colours, the lower one first. Requires attribute, or a color other
+       * than shading. Default: the 2nd and the 98th percentile.
        */
       range?: number[];
       /**
@@ -2096,9 +2096,9 @@ export type AnsweredSpec = {
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
        * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
-       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
-       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
-       * otherwise shading.
+       * the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given;
+       * spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are then
+       * the range; otherwise shading.
        */
       color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
@@ -2108,8 +2108,8 @@ export type AnsweredSpec = {
        */
       attribute?: string;
       /**
-       * The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
-       * percentile.
+       * The values at both ends of the colours, the lower one first. Requires attribute, or a color other
+       * than shading. Default: the 2nd and the 98th percentile.
        */
       range?: number[];
       /** The colours. diverging: from blue through nearly white, the middle of the range, to red. */
