@@ -13,6 +13,7 @@ const READ_MS = 500; // however fast events come, the job is read no more often;
 const SLOW_MS = 2000;
 const ROWS_MOST = 4000; // of progress; of more, every second one is kept
 const LOG_MOST = 200000; // characters, from the end
+const AHEAD_MOST = 100; // the service counts no more jobs ahead of a job
 const NEAR_END_PX = 40; // a log that is read to here goes on with its end
 
 /**
@@ -103,7 +104,8 @@ function explain(job, report) {
   const reasons = report && report.outcome_reasons || [];
   if (reasons.length) return reasons.map(reason => reason.message);
   switch (job.state) {
-    case "queued": return [job.paused ? "The job is paused: resume it." : "The job starts as soon as there is room."];
+    case "queued": return [job.paused ? "The job is paused: resume it." : `The job starts as soon as there is room${
+      job.ahead ? `, after ${countOf(job.ahead)}${job.ahead === AHEAD_MOST ? " or more" : ""} earlier or more urgent jobs of ${job.owner}` : ""}. Users take turns.`];
     case "blocked": return ["The job starts when the jobs that it depends on have ended."];
     case "succeeded": return job.outcome === "converged" ? ["The solve has converged, and the points represent the surface."] : [];
     case "cancelled": return ["A user cancelled the job. Retry runs it again."];
@@ -147,11 +149,20 @@ function useNotification(job) {
   return [asked, async () => setAsked(await Notification.requestPermission() === "granted")];
 }
 
+/** A link to another job, by its name. */
+function JobLink({id}) {
+  const [job, setJob] = useState({id});
+  useEffect(() => {
+    get(`v1/jobs/${id}`).then(setJob, () => {}); // it may have been deleted
+  }, [id]);
+  return html`<a href=${`#/jobs/${id}`}>${nameOf(job)}</a>`;
+}
+
 function Facts({job, now}) {
   const {depends_on: first = [], after = [], after_frames: frames = []} = job.spec && job.spec.queue || {};
   const others = [...new Set([...first, ...after, ...frames])];
   const rows = [
-    [isFinal(job.state) ? "Waited for" : "Waits for", others.length > 0 && others.map(id => html`<a href=${`#/jobs/${id}`}>${nameOf({id})}</a> `)],
+    [isFinal(job.state) ? "Waited for" : "Waits for", others.length > 0 && others.map((id, i) => html`${i > 0 && ", "}<${JobLink} key=${id} id=${id} />`)],
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
     ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
@@ -234,10 +245,12 @@ const ENDS = {0: "converged", 10: "not converged", 11: "unresolved", 2: "spec re
 
 /** The attempts of a job, or of one of its frames. */
 function Attempts({job, frame, lines}) {
-  const [open, setOpen] = useState(null);
   const attempts = (job.attempts || []).filter(attempt => frame === null || attempt.frame === frame);
-  if (!attempts.length) return null;
   const keyOf = attempt => `${attempt.frame ?? ""}.${attempt.number}`;
+  const [chosen, setOpen] = useState(undefined);
+  if (!attempts.length) return null;
+  const running = attempts.find(attempt => !attempt.finished);
+  const open = chosen !== undefined ? chosen : running ? keyOf(running) : null; // the log of what runs is open at first
   const farm = attempts.some(attempt => attempt.host), waited = attempts.some(attempt => attempt.waited_ms);
   const endOf = ({reason, exit_status: status, finished}) =>
     (reason === `exit status ${status}` && ENDS[status]) || reason || (finished ? `exit status ${status}` : "running");

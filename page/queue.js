@@ -11,6 +11,9 @@ const READ_MS = 500;
 /** The list follows a filter when nothing has been typed for this time. */
 const TYPED_MS = 150;
 
+/** The service counts no more jobs ahead of a job than these. */
+const AHEAD_MOST = 100;
+
 /** Columns by which the service sorts, and in which direction first. */
 const COLUMNS = [["name", "Job", ""], ["state", "State", ""], ["owner", "Owner", ""], ["priority", "Priority", "-"], ["created", "Submitted", "-"]];
 const NEWEST = "-created";
@@ -175,45 +178,64 @@ function Actions({jobs, chosen, mayChange, onChooseAll, onDone}) {
       ${errors.length > 5 && html`<p>and ${errors.length - 5} more</p>`}</div>`}</div>`;
 }
 
-function RowState({job, hrefOf}) {
+const RATINGS = ["good", "fair", "poor"];
+
+/** The worst rating of the notes of a result, or null. */
+const worstOf = notes => RATINGS.findLast(word => Object.values(notes?.ratings ?? {}).some(({rating}) => rating === word)) ?? null;
+
+/** By the id and the revision of a job: {preview, rating}. */
+const details = new Map();
+
+/** Whether the spec of a job requests a preview, and the worst rating of its result. */
+function readDetails(key, id) {
+  if (!details.has(key))
+    details.set(key, get(`v1/jobs/${id}`).then(({spec, notes}) => ({preview: Boolean(spec) && (spec.output || {}).preview !== false, rating: worstOf(notes)}), () => {
+      details.delete(key); // the next view requests it again
+      return null;
+    }));
+  return details.get(key);
+}
+
+/** The details of a job whose results the reader may see; null: there are none, or not yet. */
+function useDetails(job, own) {
+  const [found, setFound] = useState(null);
+  const key = own && job.links.results ? `${job.id}.${job.revision}` : null;
+  useEffect(() => {
+    if (key) readDetails(key, job.id).then(setFound);
+    else setFound(null);
+  }, [key]);
+  return found;
+}
+
+/** What a row says of a job that waits for its turn. */
+const turnOf = ({ahead, owner}) => (ahead === 0 ? `next of ${owner}` : `after ${ahead}${ahead === AHEAD_MOST ? " or more" : ""} of ${owner}`);
+
+function RowState({job, rating, hrefOf}) {
   const {all, succeeded} = job.tasks;
   const fraction = job.array ? succeeded / all : job.progress ? job.progress.fraction : 0;
   return html`<${State} job=${job} href=${hrefOf({state: stateOf(job).state})} />
     ${!isFinal(job.state) && (job.progress || (job.array && job.started)) && html`<${Progress} fraction=${fraction} label=${`Progress of ${nameOf(job)}`} />`}
     ${job.progress && job.state === "running" && html`<span class="detail">${PHASES[job.progress.phase]}</span>`}
+    ${job.ahead !== null && html`<span class="detail">${turnOf(job)}</span>`}
     ${job.array && html`<span class="detail">${succeeded} of ${all} frames${job.tasks.failed ? `, ${job.tasks.failed} failed` : ""}</span>`}
+    ${job.state === "succeeded" && html`<span class="detail">${[job.outcome === "converged" && "converged", rating && `packing ${rating}`].filter(Boolean).join(", ")}</span>`}
     ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
 }
 
-/** By the id of a job, whether its spec requests a preview. A spec never changes. */
-const previews = new Map();
-
-function hasPreview(id) {
-  if (!previews.has(id))
-    previews.set(id, get(`v1/jobs/${id}`).then(({spec}) => Boolean(spec) && (spec.output || {}).preview !== false, () => {
-      previews.delete(id); // the next view requests it again
-      return false;
-    }));
-  return previews.get(id);
-}
-
-/** A reduced preview of a job whose results the reader may see, of an array that of its first frame; an empty place where there
- * is none. */
-function Thumbnail({job}) {
-  const [shown, setShown] = useState(false);
-  useEffect(() => {
-    hasPreview(job.id).then(setShown);
-  }, [job.id]);
-  return shown ? html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png`).href} onError=${() => setShown(false)} />`
+/** A reduced preview of a job, of an array that of its first frame; an empty place where there is none. */
+function Thumbnail({job, shown}) {
+  const [failed, setFailed] = useState(false);
+  return shown && !failed ? html`<img class="thumbnail" loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png`).href} onError=${() => setFailed(true)} />`
     : html`<span class="thumbnail" aria-hidden="true"></span>`;
 }
 
 function Row({job, now, chosen, own, hrefOf, onChoose}) {
+  const found = useDetails(job, own);
   return html`<tr class=${chosen ? "chosen" : ""}>
     <td class="choose"><input type="checkbox" aria-label=${`Select ${nameOf(job)}`} checked=${chosen} onChange=${() => onChoose(job)} /></td>
-    <td class="name">${own && job.links.results && html`<${Thumbnail} job=${job} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
+    <td class="name">${own && job.links.results && html`<${Thumbnail} job=${job} shown=${found && found.preview} />`}<a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
       ${job.labels.map(label => html`<a class="label" href=${hrefOf({label})} title="Only jobs with this label">${label}</a>`)}</td>
-    <td class="row-state"><${RowState} job=${job} hrefOf=${hrefOf} /></td>
+    <td class="row-state"><${RowState} job=${job} rating=${found && found.rating} hrefOf=${hrefOf} /></td>
     <td>${job.owner}</td><td class="number priority">${job.priority}</td>
     <td title=${timeOf(job.created)}>${ageOf(job.created, now)}</td>
     <td class="number">${spentOf(job, now)}</td></tr>`;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
 import {html, useEffect, useRef, useState} from "./preact.js";
-import {call, get, retryAfterOf, send, wait} from "./api.js";
+import {call, get, query, retryAfterOf, send, wait} from "./api.js";
 import {Files} from "./files.js";
 import {Node} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
@@ -44,12 +44,22 @@ async function hashOf(file, onProgress) {
   return hash.hex();
 }
 
-/** Sends a file, unless the service has it; returns the path by which a spec names it. */
+/** Longest name of a file in the service, in bytes. */
+const NAME_MOST = 255;
+
+/** Whether the service has the file of this hash from this user. */
+const isKnown = (hash, signal) => get(`v1/inputs/${hash}`, {signal}).then(() => true, problem => {
+  if (problem.status === 404) return false;
+  throw problem;
+});
+
+/** Sends a file, or only its name if the service has it; returns the path by which a spec names it. */
 async function upload(file, signal, onProgress) {
   const hash = await hashOf(file, share => onProgress(`Reading ${file.name}`, share));
   onProgress(`Sending ${file.name}`, null);
-  const options = {body: file, headers: {"Content-Type": "application/octet-stream"}, signal};
-  const {path} = await (await send("PUT", `v1/inputs/${hash}`, options)).json();
+  const body = await isKnown(hash, signal) ? "" : file, options = {body, headers: {"Content-Type": "application/octet-stream"}, signal};
+  const name = new TextEncoder().encode(file.name).length <= NAME_MOST ? file.name : null;
+  const {path} = await (await send("PUT", `v1/inputs/${hash}${query({name})}`, options)).json();
   const ending = /\.[A-Za-z0-9]+$/.exec(file.name);
   return path + (ending ? ending[0] : "");
 }
@@ -144,7 +154,7 @@ export function Submit({search}) {
     const found = await inspect(path, signal, () => setSending({word: `The service looks into other files; ${name} waits`, share: null}));
     const first = found && found.suggestions.find(suggestion => suggestion.spec);
     const surface = first ? first.spec.surface : surfaceOf(name, path);
-    setSpec(old => ({...old, name: old.name || name, surface: ofSequence(surface, sequence), ...framesOf(old, surface, sequence)}));
+    setSpec(old => ({...old, surface: ofSequence(surface, sequence), ...framesOf(old, surface, sequence)}));
     if (found) setLook({name, sequence, found, chosen: null});
     if (first) suggest(first, sequence);
   };

@@ -196,9 +196,9 @@ export type JobSummary = {
   id: string;
   name: string | null;
   /**
-   * The name of the first file of the surface, for lists. null: the job has a name, the surface has no file
-   * or an uploaded one, the spec is longer than 16384 characters in a list of jobs, or the job belongs to
-   * another user.
+   * The name of the first file of the surface, for lists; of an uploaded file the name that the caller gave
+   * it. null: the job has a name, the surface has no file or one that the caller gave no name, the spec is
+   * longer than 16384 characters in a list of jobs, or the job belongs to another user.
    */
   input: string | null;
   owner: string;
@@ -223,6 +223,11 @@ export type JobSummary = {
   attempt: number;
   max_attempts: number;
   progress: null | Progress;
+  /**
+   * How many jobs of the same owner start before this one: those of a higher priority, and earlier ones of
+   * the same priority; 100: or more. Owners take turns. null: the job does not wait for its turn.
+   */
+  ahead: number | null;
   error: null | Error;
   delivery: null | Delivery;
   links: {
@@ -322,6 +327,8 @@ export type Input = {
   bytes: number;
   /** The path by which a spec names the file; an extension may follow. */
   path: string;
+  /** The name that the caller gave the file. Other users do not see it. null: none. */
+  name: string | null;
 };
 
 export type FilePage = {
@@ -922,9 +929,9 @@ export type JobSpec = {
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
        * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
-       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
-       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
-       * otherwise shading.
+       * the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given;
+       * spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are then
+       * the range; otherwise shading.
        */
       color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
@@ -934,8 +941,8 @@ export type JobSpec = {
        */
       attribute?: string;
       /**
-       * The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
-       * percentile.
+       * The values at both ends of the colours, the lower one first. Requires attribute, or a color other
+       * than shading. Default: the 2nd and the 98th percentile.
        */
       range?: number[];
       /**
@@ -2090,9 +2097,9 @@ export type AnsweredSpec = {
       /**
        * The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
        * particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
-       * the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
-       * spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
-       * otherwise shading.
+       * the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given;
+       * spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are then
+       * the range; otherwise shading.
        */
       color?: "alpha" | "curvature" | "energy" | "spacing" | "degree" | "shading";
       /**
@@ -2102,8 +2109,8 @@ export type AnsweredSpec = {
        */
       attribute?: string;
       /**
-       * The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
-       * percentile.
+       * The values at both ends of the colours, the lower one first. Requires attribute, or a color other
+       * than shading. Default: the 2nd and the 98th percentile.
        */
       range?: number[];
       /** The colours. diverging: from blue through nearly white, the middle of the range, to red. */
@@ -2826,7 +2833,10 @@ export interface Operations {
       owner?: string;
       /** Only jobs with this label, or their events. */
       label?: string;
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name?: string;
       /** Only jobs with this text in their name; the case of ASCII letters does not matter. */
       text?: string;
@@ -3089,7 +3099,10 @@ export interface Operations {
     parameters: {
       /** The id of a job. */
       id: string;
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name: string;
       /** The frame of an array job. */
       frame?: number;
@@ -3143,6 +3156,11 @@ export interface Operations {
     parameters: {
       /** The SHA-256 of the file: 64 hexadecimal digits in lower case. */
       sha256: string;
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
+      name?: string;
       body: Uint8Array;
     };
     answer: Input;
@@ -3238,7 +3256,10 @@ export interface Operations {
   /** Get a file of the web page. */
   getPageFile: {
     parameters: {
-      /** The name of a result, as in the list of results; of a list of jobs: only those of this name. */
+      /**
+       * The name of a result, as in the list of results; of a list of jobs: only those of this name; of an
+       * upload: the name of the file, which only its sender sees.
+       */
       name: string;
       /** The known ETag: the answer is 304 if it is still valid. */
       "If-None-Match"?: string;

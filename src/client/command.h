@@ -124,9 +124,12 @@ int command_submit_text(client *c, const char *spec, const command_options *opti
 /* Posts a spec given as text, without waiting. On success *job is the job, which the caller frees. */
 int command_post_text(client *c, const char *spec, const command_options *options, json **job);
 
-/* Sends a file with this hash that the caller has opened. On success *document is the answer, which the
- * caller frees. */
-int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
+/* Whether the service has the file with this hash from this user. */
+bool command_knows_file(client *c, const char *hex);
+
+/* Sends a file with this hash that the caller has opened, and its name; no bytes if it is `known`
+ * (command_knows_file). On success *document is the answer, which the caller frees. */
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
                       json **document);
 
 /* Opens and hashes a regular file. Returns COMMAND_OK, or an exit code after a message; *file is then

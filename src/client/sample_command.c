@@ -50,18 +50,6 @@ static const char *unsendable(const char *path, bool *is_mesh)
     return format == FILE_FORMAT_EXR ? "is one image of a stack, and one file can be sent" : NULL;
 }
 
-/* Whether the service has the file from this user. */
-static bool is_known(client *c, const char *hex)
-{
-    error e = {0};
-    client_reply reply = {0};
-    char *path = mem_printf("/v1/inputs/%s", hex);
-    bool known = client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200;
-    client_reply_clear(&reply);
-    free(path);
-    return known;
-}
-
 static void print_sending(const char *path, uint64_t bytes, bool known)
 {
     terminal_text_put(stderr, path);
@@ -73,7 +61,7 @@ static void print_sending(const char *path, uint64_t bytes, bool known)
         fprintf(stderr, ": sending %.1f MB\n", (double)bytes / 1e6);
 }
 
-/* Sends the file unless the service has it. *in_spec is its path in a spec; the caller frees it. */
+/* Sends the file, or only its name if the service has it. *in_spec is its path in a spec; the caller frees it. */
 static int send_input(client *c, const char *path, bool quiet, char **in_spec)
 {
     char hex[STORE_HASH_SIZE] = "";
@@ -82,9 +70,9 @@ static int send_input(client *c, const char *path, bool quiet, char **in_spec)
     json *document = NULL;
     int code = command_open_file(path, &file, hex, &bytes);
     if (code != COMMAND_OK) return code;
-    const bool known = is_known(c, hex);
+    const bool known = command_knows_file(c, hex);
     if (!quiet) print_sending(path, bytes, known);
-    if (!known) code = command_send_file(c, file, path, hex, bytes, &document);
+    code = command_send_file(c, file, path, hex, bytes, known, &document);
     if (code == COMMAND_OK) *in_spec = mem_printf(STORE_INPUT_PREFIX "%s%s", hex, sample_spec_ending(path));
     fclose(file);
     json_free(document);

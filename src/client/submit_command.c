@@ -314,14 +314,27 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
+bool command_knows_file(client *c, const char *hex)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *path = mem_printf("/v1/inputs/%s", hex);
+    bool known = client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200;
+    client_reply_clear(&reply);
+    free(path);
+    return known;
+}
+
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
                       json **document)
 {
     error e = {0};
     client_reply reply = {0};
     int code = COMMAND_OK;
-    char *to = mem_printf("/v1/inputs/%s", hex);
-    if (!client_upload(c, to, file, (int64_t)bytes, &reply, &e)) {
+    const char *slash = strrchr(path, '/');
+    char *name = client_escape(c, slash ? slash + 1 : path),
+         *to = mem_printf("/v1/inputs/%s?name=%s", hex, name);
+    if (!client_upload(c, to, file, known ? 0 : (int64_t)bytes, &reply, &e)) {
         code = ferror(file) ? print_failure("cannot read %s", path) : print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, path);
@@ -330,6 +343,7 @@ int command_send_file(client *c, FILE *file, const char *path, const char *hex, 
         reply.document = NULL;
     }
     client_reply_clear(&reply);
+    free(name);
     free(to);
     return code;
 }
@@ -362,7 +376,8 @@ static int upload_file(client *c, const char *argument, const command_options *o
     json *document = NULL;
     FILE *file = NULL;
     int code = command_open_file(argument, &file, hex, &bytes);
-    if (code == COMMAND_OK) code = command_send_file(c, file, argument, hex, bytes, &document);
+    if (code == COMMAND_OK)
+        code = command_send_file(c, file, argument, hex, bytes, command_knows_file(c, hex), &document);
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)

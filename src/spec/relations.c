@@ -91,7 +91,8 @@ static void check_output(reading *r, const json_at *at, const spec *s)
 {
     const json_at output = json_member(at, "output"), mesh = json_member(&output, "mesh"),
                   parts = json_member(&output, "label_meshes"), order = json_member(&output, "order"),
-                  preview = json_member(&output, "preview"), camera = json_member(&preview, "camera");
+                  preview = json_member(&output, "preview"), camera = json_member(&preview, "camera"),
+                  range = json_member(&preview, "range");
     if (s->has_mesh && s->has_points && s->points.mode == SPEC_POINTS_AVOID)
         reading_add_fault(r, &mesh, "excludes sampling.points with mode \"avoid\": remove one of the two");
     if (s->has_label_meshes && s->surface.kind != SPEC_SURFACE_LABELS)
@@ -101,6 +102,11 @@ static void check_output(reading *r, const json_at *at, const spec *s)
             r, &order,
             "\"id\" requires queue.coherent, because only points of coherent sequences have ids: "
             "use \"progressive\" or \"spatial\", or remove it");
+    if (range.node && s->preview_color == SPEC_COLOR_SHADING && !s->preview_attribute)
+        reading_add_fault(
+            r, &range,
+            "is a range of values, and the preview is shaded: set color or attribute beside it to "
+            "what the values are, or remove it");
     if (s->has_camera && !json_member(&camera, "up").node) rules_check_up(r, &camera, &s->camera);
 }
 

@@ -44,6 +44,7 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "The version of the spec's format."},
     {.pointer = MEMBER("", "name"),
+     .title = "Name of the job",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 200,
@@ -76,6 +77,7 @@ const spec_row spec_rows[] = {
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. "
               "Required if the file has several scalar grids."},
     {.pointer = MEMBER("/surface/vdb", "isovalue"),
+     .title = "Value on the surface",
      .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
      .high = 1e30,
@@ -83,6 +85,7 @@ const spec_row spec_rows[] = {
      .unit = "the grid's",
      .prose = "The value on the surface. Default for a level set: 0. Required for a fog volume."},
     {.pointer = MEMBER("/surface/vdb", "reconstruction"),
+     .title = "Values between the samples",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
@@ -91,6 +94,7 @@ const spec_row spec_rows[] = {
               "spline's coefficients; this blurs noise and moves the surface slightly."},
 
     {.pointer = MEMBER("/surface", "mesh"),
+     .title = "Triangle mesh",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -189,6 +193,7 @@ const spec_row spec_rows[] = {
               "closed mesh. auto: drop if more than 1 % of the area of a closed mesh is inside it, "
               "otherwise keep."},
     {.pointer = MEMBER("/surface/mesh", "features"),
+     .title = "Feature edges",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -216,18 +221,21 @@ const spec_row spec_rows[] = {
               "way. false: a closed mesh is sampled through a level set without this projection. "
               "Ignored with an offset, with features and for open meshes."},
     {.pointer = MEMBER("/surface", "analytic"),
+     .title = "Formula",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
      .prose = "A surface given by a formula."},
     {.pointer = MEMBER("/surface/analytic", "shape"),
+     .title = "Formula of the surface",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_SHAPE),
      AT(surface.analytic.shape),
      .prose = "The formula."},
     {.pointer = MEMBER("/surface/analytic", "center"),
+     .title = "Centre",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -248,6 +256,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "sphere, cylinder, capsule: the radius. cone: the radius of the base."},
     {.pointer = MEMBER("/surface/analytic", "axis"),
+     .title = "Direction of the axis",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -322,6 +331,7 @@ const spec_row spec_rows[] = {
          "box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a cylinder "
          "its radius and half of its height."},
     {.pointer = MEMBER("/surface/analytic", "radii"),
+     .title = "Half of each axis",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -331,6 +341,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "ellipsoid: half of each axis."},
     {.pointer = MEMBER("/surface/analytic", "r"),
+     .title = "Parameter r of the quartic",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -341,6 +352,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "quartic: r in equation (15)."},
     {.pointer = MEMBER("/surface/analytic", "size"),
+     .title = "Sides of the box",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -351,6 +363,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "gyroid: the sides of the box that cuts it."},
     {.pointer = MEMBER("/surface/analytic", "period"),
+     .title = "Length of a period",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -361,6 +374,7 @@ const spec_row spec_rows[] = {
      .prose = "gyroid: the length of one period."},
 
     {.pointer = MEMBER("/surface", "bspline"),
+     .title = "Spline with given coefficients",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -379,6 +393,7 @@ const spec_row spec_rows[] = {
      .prose = "The number of coefficients along x, y and z."},
     GROUP("/surface/bspline", "domain", 0, "The box in which the spline is defined."),
     {.pointer = MEMBER("/surface/bspline/domain", "min"),
+     .title = "Lowest corner",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -387,6 +402,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The lowest corner."},
     {.pointer = MEMBER("/surface/bspline/domain", "max"),
+     .title = "Highest corner",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -413,6 +429,7 @@ const spec_row spec_rows[] = {
               "roots, or have been sent with hexadctl upload."},
 
     {.pointer = MEMBER("/surface", "volume"),
+     .title = "Dense volume",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -468,6 +485,7 @@ const spec_row spec_rows[] = {
          "The distance between samples along each axis of the data, in place of the one in the file. The directions of the axes "
          "and the position of the first sample stay. Default: that of the file; for files without one, 1."},
     {.pointer = MEMBER("/surface/volume", "isovalue"),
+     .title = "Value on the surface",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
@@ -476,6 +494,7 @@ const spec_row spec_rows[] = {
      .unit = "the volume's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
     {.pointer = MEMBER("/surface/volume", "reconstruction"),
+     .title = "Values between the samples",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
@@ -483,6 +502,7 @@ const spec_row spec_rows[] = {
      .prose = "See /surface/vdb/reconstruction."},
 
     {.pointer = MEMBER("/surface", "labels"),
+     .title = "Segmentation",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -518,6 +538,7 @@ const spec_row spec_rows[] = {
      AT_HAS(surface.labels.level, surface.labels.has_level),
      .prose = "See /surface/volume/level."},
     {.pointer = MEMBER("/surface/labels", "slices"),
+     .title = "Numbers of the slices",
      .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
@@ -526,12 +547,14 @@ const spec_row spec_rows[] = {
          "The labels are a stack of OpenEXR or TIFF images, and these are its slices: see "
          "/surface/exr. The same holds for part, channel, voxel_size and origin; TIFF has no part and no channel."},
     {.pointer = MEMBER("/surface/labels", "part"),
+     .title = "Name of the part",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Requires slices."},
     {.pointer = MEMBER("/surface/labels", "channel"),
+     .title = "Name of the channel",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
@@ -550,6 +573,7 @@ const spec_row spec_rows[] = {
          "The distance between columns, rows and slices. For files with a size of their own it replaces that, unless it is "
          "[1, 1, 1]."},
     {.pointer = MEMBER("/surface/labels", "origin"),
+     .title = "Position of the first pixel",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -558,6 +582,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice. Requires slices."},
     {.pointer = MEMBER("/surface/labels", "grid"),
+     .title = "Name of the grid",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
@@ -596,6 +621,7 @@ const spec_row spec_rows[] = {
               "volume of each label; parts that are thinner than the rest of their label, and "
               "specks with a radius below this, shrink or vanish. 0: no filter."},
     {.pointer = MEMBER("/surface/labels", "background"),
+     .title = "Background label",
      .type = SPEC_TYPE_LARGE,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
@@ -628,6 +654,7 @@ const spec_row spec_rows[] = {
      .prose = "The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all."},
 
     {.pointer = MEMBER("/surface", "exr"),
+     .title = "Stack of OpenEXR images",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -649,6 +676,7 @@ const spec_row spec_rows[] = {
          "The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They "
          "must lie below one of the service's input roots."},
     {.pointer = MEMBER("/surface/exr", "slices"),
+     .title = "Numbers of the slices",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 3,
@@ -656,12 +684,14 @@ const spec_row spec_rows[] = {
      AT(surface.exr.slices),
      .prose = "The slices: \"1-93\", or every second one: \"1-93x2\". At least 2, at most 65536."},
     {.pointer = MEMBER("/surface/exr", "part"),
+     .title = "Name of the part",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Optional if only one part has the channel."},
     {.pointer = MEMBER("/surface/exr", "channel"),
+     .title = "Name of the channel",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
@@ -679,6 +709,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The distance between columns, rows and slices."},
     {.pointer = MEMBER("/surface/exr", "origin"),
+     .title = "Position of the first pixel",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -687,6 +718,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice."},
     {.pointer = MEMBER("/surface/exr", "isovalue"),
+     .title = "Value on the surface",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
@@ -695,12 +727,14 @@ const spec_row spec_rows[] = {
      .unit = "the channel's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
     {.pointer = MEMBER("/surface/exr", "reconstruction"),
+     .title = "Values between the samples",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.exr.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
     {.pointer = MEMBER("/surface", "union"),
+     .title = "Union of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
@@ -710,6 +744,7 @@ const spec_row spec_rows[] = {
               "has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids "
               "that do not overlap, is skipped with a warning."},
     {.pointer = MEMBER("/surface", "intersection"),
+     .title = "Intersection of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
@@ -717,6 +752,7 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "The intersection of the solids."},
     {.pointer = MEMBER("/surface", "difference"),
+     .title = "Difference of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
@@ -725,6 +761,7 @@ const spec_row spec_rows[] = {
      .prose = "The first solid without the others. An empty solid among the others is skipped with "
               "a warning."},
     {.pointer = MEMBER("/surface", "offset"),
+     .title = "Offset of a surface",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -735,11 +772,13 @@ const spec_row spec_rows[] = {
               "such as fog volumes, are refused. Edges "
               "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
     {.pointer = MEMBER("/surface/offset", "surface"),
+     .title = "Surface to offset",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to offset."},
     {.pointer = MEMBER("/surface/offset", "distance"),
+     .title = "Distance outwards",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -748,6 +787,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The distance. Positive is outwards, negative is inwards."},
     {.pointer = MEMBER("/surface", "transform"),
+     .title = "Transformed surface",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
@@ -757,11 +797,13 @@ const spec_row spec_rows[] = {
          "of an open surface are parallel to the world axes, so its matrix may only exchange, flip and "
          "scale axes, and translate. With features, and for an open mesh, any matrix is allowed."},
     {.pointer = MEMBER("/surface/transform", "surface"),
+     .title = "Surface to transform",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to transform."},
     {.pointer = MEMBER("/surface/transform", "matrix"),
+     .title = "Matrix, row by row",
      .type = SPEC_TYPE_NUMBERS,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -771,6 +813,7 @@ const spec_row spec_rows[] = {
               "0, 1."},
 
     {.pointer = MEMBER("", "region"),
+     .title = "Part of the surface to sample",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -805,6 +848,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
     {.pointer = MEMBER("", "features"),
+     .title = "Points on sharp edges of formulas and cuts",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(features),
@@ -862,6 +906,7 @@ const spec_row spec_rows[] = {
          "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
          "excludes control, time_s, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
     {.pointer = MEMBER("/sampling", "control"),
+     .title = "Number of points found as in the paper",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_TARGET,
@@ -874,6 +919,7 @@ const spec_row spec_rows[] = {
          "Method sized computes the count from sigma = sqrt(3) spacing. Works with the methods sized and "
          "paper."},
     {.pointer = MEMBER("/sampling/control", "min_count"),
+     .title = "Fewest points",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
      .low = 4,
@@ -882,6 +928,7 @@ const spec_row spec_rows[] = {
      .unit = "points",
      .prose = "The least number of points."},
     {.pointer = MEMBER("/sampling/control", "max_sigma"),
+     .title = "Largest support of the potential",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
@@ -890,6 +937,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The largest support of the potential. Points are inserted until the support is small enough."},
     {.pointer = MEMBER("/sampling/control", "start_count"),
+     .title = "Points at the start",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e8,
@@ -899,6 +947,7 @@ const spec_row spec_rows[] = {
      .prose = "The number of points that paper begins with, at least min_count; 0: min_count. A number "
               "near the result saves rounds. If it is too large, points are deleted."},
     {.pointer = MEMBER("/sampling/control", "selection"),
+     .title = "Choice of points to split or delete",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_SELECTION),
      .otherwise = "\"biased\"",
@@ -975,6 +1024,7 @@ const spec_row spec_rows[] = {
               "states L. Excludes feature and curve_spacing. Requires the method paper, which is then the "
               "default, or witkin-heckbert."},
     {.pointer = MEMBER("/sampling/alpha", "d"),
+     .title = "Exponent",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 16,
@@ -982,6 +1032,7 @@ const spec_row spec_rows[] = {
      AT(alpha.d),
      .prose = "The exponent. A larger one follows the curvature more strongly, one below 1 more weakly."},
     {.pointer = MEMBER("/sampling/alpha", "gamma"),
+     .title = "Lower bound of alpha",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
@@ -989,6 +1040,7 @@ const spec_row spec_rows[] = {
      AT(alpha.gamma),
      .prose = "The lower bound of alpha, which alpha approaches where the curvature is strong."},
     {.pointer = MEMBER("/sampling/alpha", "nu"),
+     .title = "Strength on flat parts",
      .type = SPEC_TYPE_NUMBER,
      .low = 0.001,
      .high = 1000,
@@ -996,6 +1048,7 @@ const spec_row spec_rows[] = {
      AT(alpha.nu),
      .prose = "Where the surface is flat, alpha is gamma + 1/nu."},
     {.pointer = MEMBER("/sampling/alpha", "kappa_max"),
+     .title = "Largest scale-free curvature",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1004,6 +1057,7 @@ const spec_row spec_rows[] = {
      AT(alpha.kappa_max),
      .prose = "Larger values of the scale-free curvature are replaced by this one."},
     {.pointer = MEMBER("/sampling/alpha", "scale"),
+     .title = "Scale of the curvature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1012,6 +1066,7 @@ const spec_row spec_rows[] = {
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: two spacings."},
     {.pointer = MEMBER("/sampling/alpha/scale", "spacings"),
+     .title = "Scale in spacings",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -1021,6 +1076,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The distance in spacings of the even packing. 0: the curvature of the field at the point itself."},
     {.pointer = MEMBER("/sampling/alpha/scale", "world"),
+     .title = "Scale in world units",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
@@ -1072,6 +1128,7 @@ const spec_row spec_rows[] = {
      AT(curvature.exponent),
      .prose = "How strongly the spacing follows the curvature. Belongs to ratio."},
     {.pointer = MEMBER("/sampling/curvature", "scale"),
+     .title = "Scale of the curvature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1080,6 +1137,7 @@ const spec_row spec_rows[] = {
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: 4 local spacings."},
     {.pointer = MEMBER("/sampling/curvature/scale", "spacings"),
+     .title = "Scale in local spacings",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -1088,6 +1146,7 @@ const spec_row spec_rows[] = {
      .unit = "spacings",
      .prose = "The distance in local spacings. 0: the curvature at the point itself."},
     {.pointer = MEMBER("/sampling/curvature/scale", "world"),
+     .title = "Scale in world units",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
@@ -1163,6 +1222,7 @@ const spec_row spec_rows[] = {
          "starts with the points, and inserts others between them. avoid: the points are not in the result, "
          "whose points keep the distance from them."},
     {.pointer = MEMBER("/sampling/points", "distance"),
+     .title = "Least distance from the given points",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1238,6 +1298,7 @@ const spec_row spec_rows[] = {
               "section 4. The standard deviation of the Gaussian is a third of the support; the "
               "electrostatic energy is cut off at the support."},
     {.pointer = MEMBER("/solver", "minimiser"),
+     .title = "Method of minimisation",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MINIMISER),
      .otherwise = "\"lm\"",
@@ -1246,6 +1307,7 @@ const spec_row spec_rows[] = {
      .prose = "lm: Levenberg-Marquardt with one lambda per particle, section 5. gradient: steepest descent "
               "(5) with a fixed step, as in Table 1."},
     {.pointer = MEMBER("/solver", "step"),
+     .title = "Step of the gradient minimiser",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
@@ -1268,12 +1330,14 @@ const spec_row spec_rows[] = {
      .prose = "The initial support of the potential. It adapts to the count. 0: computed from count and "
               "area."},
     {.pointer = MEMBER("/solver", "witkin_heckbert"),
+     .title = "Parameters of Witkin and Heckbert",
      .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
      UNSTORED,
      .prose = "Parameters of the method \"witkin-heckbert\", with the symbols and defaults of its paper "
               "(1994). The target radius, sigma_hat, follows from the sampling target."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "alpha"),
+     .title = "Amplitude of the repulsion (alpha)",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1284,6 +1348,7 @@ const spec_row spec_rows[] = {
      .prose = "alpha: the amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). It scales "
               "the speed."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "e_hat"),
+     .title = "Energy that particles aim at (E_hat)",
      .type = SPEC_TYPE_NUMBER,
      .low = 0.01,
      .high = 10,
@@ -1293,6 +1358,7 @@ const spec_row spec_rows[] = {
      .prose = "E_hat divided by alpha: the energy that each particle aims at. A larger one gives a denser "
               "sampling. At 0.8 neighbours are two sigma apart."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "rho"),
+     .title = "Speed of the radii (rho)",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
@@ -1301,6 +1367,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.rho),
      .prose = "rho: how fast the radius of a particle follows its energy, dD/dt = -rho (D - E_hat)."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "phi"),
+     .title = "Speed of the return to the surface (phi)",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
@@ -1309,6 +1376,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.phi),
      .prose = "phi: how fast a particle returns to the surface, dF/dt = -phi F: the feedback term of (2)."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "beta"),
+     .title = "Damping without neighbours (beta)",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1319,6 +1387,7 @@ const spec_row spec_rows[] = {
      .prose = "beta: keeps the rate of a radius finite where a particle has no neighbours. In units of 1 / "
               "sigma_i; the paper of 1994 uses 1 / length."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "dt"),
+     .title = "Time step",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1330,6 +1399,7 @@ const spec_row spec_rows[] = {
      .prose = "Delta t: the time step of Euler's method. With the other defaults it is unstable above "
               "about 0.07."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "gamma"),
+     .title = "Speed near the equilibrium (gamma)",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1340,6 +1410,7 @@ const spec_row spec_rows[] = {
      .prose = "gamma: a particle slower than gamma sigma_i is near its equilibrium and may be split or "
               "deleted."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "nu"),
+     .title = "Energy of a split (nu)",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 10,
@@ -1348,6 +1419,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.nu),
      .prose = "nu: a particle whose radius exceeds its target is split when its energy exceeds nu E_hat."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "delta"),
+     .title = "Radius of a deletion (delta)",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.99,
@@ -1357,6 +1429,7 @@ const spec_row spec_rows[] = {
      .prose = "delta: a particle may be deleted when its radius is below delta times its target radius. "
               "The smaller the radius, the more likely."},
     {.pointer = MEMBER("/solver/witkin_heckbert", "sigma_max"),
+     .title = "Largest radius",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
@@ -1382,6 +1455,7 @@ const spec_row spec_rows[] = {
          "sampling.control it is the result, and its sweeps are in the report. Default: sized if "
          "sampling.alpha is given, otherwise surface. sampling.points excludes random and sized."},
     {.pointer = MEMBER("/solver", "seed"),
+     .title = "Seed of the random numbers",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992.0,
@@ -1389,6 +1463,7 @@ const spec_row spec_rows[] = {
      AT(seed),
      .prose = "The seed of the random numbers. The same spec, seed and build give the same bytes."},
     {.pointer = MEMBER("/solver", "threads"),
+     .title = "Number of threads",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 1024,
@@ -1446,6 +1521,7 @@ const spec_row spec_rows[] = {
           "that measure as the criterion."),
 #define REQUIRE(prefix, NAME, word, minimum)                                          \
     {.pointer = MEMBER("/outcome/require", #word),                                    \
+     .title = (minimum) ? "Smallest " #word : "Largest " #word,                       \
      .type = SPEC_TYPE_NUMBER,                                                        \
      .low = -1,                                                                       \
      .high = 1e6,                                                                     \
@@ -1456,6 +1532,7 @@ const spec_row spec_rows[] = {
 #undef REQUIRE
 
         {.pointer = MEMBER("", "attributes"),
+         .title = "Values at the points",
          .type = SPEC_TYPE_GROUPS,
          .low = 0,
          .high = 32,
@@ -1464,6 +1541,7 @@ const spec_row spec_rows[] = {
                   "such as temperature, velocity or colours. doc/formats.md lists their names in each "
                   "format."},
     {.pointer = MEMBER("/attributes", "from"),
+     .title = "Source of the values",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
@@ -1474,6 +1552,7 @@ const spec_row spec_rows[] = {
          "files. geometry: in the surface itself. Anything else is the path of an OpenVDB, NRRD, NIfTI or mesh "
          "file in the same space; it moves with the transforms of the surface."},
     {.pointer = MEMBER("/attributes", "name"),
+     .title = "Name in the source",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
@@ -1495,6 +1574,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The name in the outputs: letters, digits and _. Default: the name, with _ for other characters."},
     {.pointer = MEMBER("/attributes", "type"),
+     .title = "Type of the values",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ATTRIBUTE),
      .otherwise = "\"auto\"",
@@ -1505,6 +1585,7 @@ const spec_row spec_rows[] = {
          "a uv as texture coordinates. auto: int for whole numbers, vector for three components, float for "
          "others; for a mesh, the type of its value."},
     {.pointer = MEMBER("/attributes", "interpolation"),
+     .title = "Values between the samples",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERPOLATION),
      .otherwise = "\"linear\"",
@@ -1536,6 +1617,7 @@ const spec_row spec_rows[] = {
          "orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest "
          "turn. An object with one of the members below: after a turn about +z, the twist."},
     {.pointer = MEMBER("/output/orient", "twist"),
+     .title = "Attribute of the twist",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1544,6 +1626,7 @@ const spec_row spec_rows[] = {
          "The attribute, by its name in the outputs, that gives the twist: a number is an angle in radians; a "
          "vector is the direction to which +x turns, as far as it is tangential."},
     {.pointer = MEMBER("/output/orient", "seed"),
+     .title = "Seed of random twists",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992,
@@ -1553,12 +1636,14 @@ const spec_row spec_rows[] = {
          "a point of a coherent sequence)."},
     GROUP("/output", "ply", 0, "Options of points.ply."),
     {.pointer = MEMBER("/output/ply", "format"),
+     .title = "Encoding",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PLY),
      .otherwise = "\"binary_little_endian\"",
      AT(ply_format),
      .prose = "The encoding of points.ply."},
     {.pointer = MEMBER("/output/ply", "precision"),
+     .title = "Type of the properties",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PRECISION),
      .otherwise = "\"float\"",
@@ -1604,7 +1689,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
          "a particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, "
-         "shaded by the normals; range and map have no effect. Default: alpha if sampling.alpha is given; "
+         "shaded by the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given; "
          "spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are "
          "then the range; otherwise shading."},
     {.pointer = MEMBER("/output/preview", "attribute"),
@@ -1623,7 +1708,8 @@ const spec_row spec_rows[] = {
      .high = 1e300,
      AT_HAS(preview_range, preview_range_count),
      .prose =
-         "The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th percentile."},
+         "The values at both ends of the colours, the lower one first. Requires attribute, or a color other than shading. "
+         "Default: the 2nd and the 98th percentile."},
     {.pointer = MEMBER("/output/preview", "map"),
      .title = "Colour map",
      .type = SPEC_TYPE_WORD,
@@ -1667,6 +1753,7 @@ const spec_row spec_rows[] = {
      .prose = "The camera. Without it, the surface is seen from the right, the front and above, and fills "
               "the image."},
     {.pointer = MEMBER("/output/preview/camera", "position"),
+     .title = "Position of the eye",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -1675,6 +1762,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The position of the eye. Points behind it are not visible, also in orthographic images."},
     {.pointer = MEMBER("/output/preview/camera", "target"),
+     .title = "Point in the middle",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
@@ -1683,6 +1771,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The point in the middle of the image."},
     {.pointer = MEMBER("/output/preview/camera", "up"),
+     .title = "Upward direction",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_DEPENDENT,
      .low = -WORLD_MAX,
@@ -1702,6 +1791,7 @@ const spec_row spec_rows[] = {
      .prose = "The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic "
               "is given."},
     {.pointer = MEMBER("/output/preview/camera", "orthographic"),
+     .title = "Length shown by a parallel projection",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
@@ -1771,6 +1861,7 @@ const spec_row spec_rows[] = {
          "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
     GROUP("/output", "usd", SPEC_OPTIONAL, "Options of points.usda."),
     {.pointer = MEMBER("/output/usd", "instancer"),
+     .title = "Instances of a prototype",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
@@ -1780,6 +1871,7 @@ const spec_row spec_rows[] = {
          "prototype, with the orientation of output.orient (without it, the shortest turn of +z to the "
          "normal). Requires points_usda."},
     {.pointer = MEMBER("/output/usd/instancer", "prototype"),
+     .title = "USD file of the prototype",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
@@ -1790,6 +1882,7 @@ const spec_row spec_rows[] = {
          "given; programs that open points.usda resolve a relative path from its directory. hexad "
          "does not open the file."},
     {.pointer = MEMBER("/output/usd/instancer", "scale"),
+     .title = "Attribute of the scale",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
@@ -1799,6 +1892,7 @@ const spec_row spec_rows[] = {
          "components for its axes. Default: the achieved spacing at the point, so a prototype of size 1 is as "
          "large as the spacing."},
     {.pointer = MEMBER("/output/usd/instancer", "size"),
+     .title = "Factor of all scales",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
@@ -1906,6 +2000,7 @@ const spec_row spec_rows[] = {
      AT(priority),
      .prose = "Jobs of higher priority run first."},
     {.pointer = MEMBER("/queue", "labels"),
+     .title = "Labels to search for",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
@@ -1950,6 +2045,7 @@ const spec_row spec_rows[] = {
          "one in depends_on or after_frames starts only if this job has such an outcome, and fails otherwise. hexadctl "
          "wait --accept exits with 0 if the outcome is in the list. The state and the outcome of the job do not change."},
     {.pointer = MEMBER("/queue", "frames"),
+     .title = "Numbers of the frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = SPEC_FRAMES_LENGTH_MAX,
@@ -2011,6 +2107,7 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "How long the job and its results are kept after its end; 0: the service's setting."},
     {.pointer = MEMBER("/queue", "webhook"),
+     .title = "Address to call at the end",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 2000,
@@ -2021,6 +2118,7 @@ const spec_row spec_rows[] = {
          "reached. A receiver may be called more than once for the same end, with the same "
          "webhook-id, and is called again when a retried job ends."},
     {.pointer = MEMBER("/queue", "slurm"),
+     .title = "Options of sbatch",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,

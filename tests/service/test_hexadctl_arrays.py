@@ -228,6 +228,7 @@ def test_a_file_is_uploaded_and_used(run, service, footage, tmp_path):
     path = done.stdout.strip()
     assert path == f"sha256:{hashlib.sha256((footage / 'a.0008.vdb').read_bytes()).hexdigest()}.vdb"
     assert run("upload", footage / "a.0008.vdb").stdout == done.stdout
+    assert json.loads(run("upload", footage / "a.0008.vdb", "--json").stdout)["name"] == "a.0008.vdb"
     spec = {"version": 1, "surface": {"vdb": {"path": path}}, "sampling": {"count": 100}}
     service.wait_state(service.submit(spec), "succeeded")
     (tmp_path / "large").write_bytes(b"x" * (3 << 20))

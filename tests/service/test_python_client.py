@@ -175,6 +175,10 @@ def test_files_are_sent(client, tmp_path, monkeypatch):
     path = client.upload(tmp_path / "cube.obj")
     assert client.upload(CUBE_OBJ.encode(), ".obj") == path
     assert asked == ["GET", "PUT", "GET"]  # once
+    sent = f"/v1/inputs/{path.removeprefix('sha256:').removesuffix('.obj')}"
+    assert client.transport.get(sent)["name"] == "cube.obj"
+    (tmp_path / "cube.obj").rename(tmp_path / "würfel.obj")
+    assert client.upload(tmp_path / "würfel.obj") == path and client.transport.get(sent)["name"] == "würfel.obj"
     assert client.inspect(path)["mesh"]
     spec = {"surface": {"mesh": {"path": path, "resolution": 32}}, "sampling": {"count": 200}, "output": {"preview": False}}
     assert client.estimate(spec)["count"] == 200

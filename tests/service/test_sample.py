@@ -93,6 +93,12 @@ def test_the_spec_is_the_first_suggestion(sample, service, tmp_path):
     spec = spec_of(tmp_path / "egg")
     first = service.post("/v1/inputs:inspect", {"path": spec["surface"]["mesh"]["path"]}).json["suggestions"][0]["spec"]
     assert spec == {**first, "name": "egg"}
+    sha256 = spec["surface"]["mesh"]["path"].removeprefix("sha256:").removesuffix(".obj")
+    assert service.get(f"/v1/inputs/{sha256}").json["name"] == "egg.obj"
+    (tmp_path / "egg.obj").rename(tmp_path / "ei #2.obj")  # the service has these bytes: only the name is sent
+    again = sample("ei #2.obj")
+    assert again.returncode == 0 and "ei #2.obj: the service has this file\n" in again.stderr, again.stderr
+    assert service.get(f"/v1/inputs/{sha256}").json["name"] == "ei #2.obj"
     assert json.loads((tmp_path / "egg/report.json").read_text())["count"] == first["sampling"]["count"]
 
 

@@ -5,6 +5,7 @@ import hashlib
 import os
 import socket
 import time
+import urllib.parse
 
 import pytest
 
@@ -104,9 +105,13 @@ def put(service, data, name=None, **headers):
     return service.request("PUT", f"/v1/inputs/{name}", data, headers)
 
 
+def query_of(name):
+    return "?" + urllib.parse.urlencode({"name": name})
+
+
 def kept_by(service):
     """The names of the files that were sent."""
-    return [f.name for f in (service.state / "inputs").iterdir() if not f.name.startswith("sender:")]
+    return [f.name for f in (service.state / "inputs").iterdir() if not f.name.startswith(("sender:", "name:"))]
 
 
 def mesh(path):
@@ -120,7 +125,7 @@ def test_an_input_is_sent_and_used(new_service):
     expect_problem(service.post("/v1/jobs", mesh(f"sha256:{name}")), 422, "input_missing", "/surface/mesh/path")
     first = put(service, TETRAHEDRON)
     assert first.status == 201 and first.headers["Location"] == f"/v1/inputs/{name}"
-    assert first.json == {"sha256": name, "bytes": len(TETRAHEDRON), "path": f"sha256:{name}"}
+    assert first.json == {"sha256": name, "bytes": len(TETRAHEDRON), "path": f"sha256:{name}", "name": None}
     again = put(service, TETRAHEDRON)
     assert again.status == 200 and again.json == first.json
     assert service.get(f"/v1/inputs/{name}").json == first.json
@@ -296,7 +301,7 @@ def shared_by(new_service):
 
         def ask(user, method, path, document=None, raw=None, **headers):
             if raw is None:
-                return with_token(service, service.tokens[user], method, path, document)
+                return with_token(service, service.tokens[user], method, path, document, **headers)
             return service.request(method, path, raw, {"Authorization": f"Bearer {service.tokens[user]}", **headers})
 
         service.ask = ask
@@ -351,6 +356,70 @@ def test_the_same_bytes_make_it_ones_own(shared_by):
     assert not list((service.state / "inputs").iterdir())
     assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
     expect_problem(service.ask("bob", "GET", where), 404, "not_found")
+
+
+def test_the_name_of_an_upload_is_shown_to_its_sender_only(shared_by, tmp_path):
+    service = shared_by()
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    where, spec = f"/v1/inputs/{name}", mesh(f"sha256:{name}.obj") | {"name": None}
+    del spec["name"]
+    secret, other = "naïve & secret (2).obj", "bob's.obj"
+    sent = service.ask("alice", "PUT", where + query_of(secret), raw=TETRAHEDRON)
+    assert sent.status == 201 and sent.json["name"] == secret
+    assert service.ask("alice", "GET", where).json["name"] == secret
+    assert service.ask("root", "GET", where).json["name"] is None
+    assert service.ask("bob", "PUT", where, raw=TETRAHEDRON).json["name"] is None
+    jobs = {user: service.ask(user, "POST", "/v1/jobs", spec).json for user in ("alice", "bob", "root")}
+
+    def inputs_seen_by(user):
+        """The input of each user's job, in the list and in the document."""
+        listed = {job["owner"]: job["input"] for job in service.ask(user, "GET", "/v1/jobs").json["jobs"]}
+        single = {owner: service.ask(user, "GET", f"/v1/jobs/{job['id']}").json["input"] for owner, job in jobs.items()}
+        assert listed == single
+        return listed
+
+    assert {user: job["input"] for user, job in jobs.items()} == {"alice": secret, "bob": None, "root": None}
+    for user, job in jobs.items():
+        ended = service.ask(user, "GET", f"/v1/jobs/{job['id']}", Prefer=f"wait={PATIENCE_S}")
+        assert ended.json["state"] == "succeeded" and ended.json["input"] == job["input"]
+    assert inputs_seen_by("alice") == {"alice": secret, "bob": None, "root": None}
+    assert inputs_seen_by("bob") == inputs_seen_by("root") == {"alice": None, "bob": None, "root": None}
+    # a later name replaces the earlier one, also in documents of jobs that have ended; no bytes are needed
+    assert service.ask("bob", "PUT", where + query_of(other), raw=b"").json["name"] == other
+    assert inputs_seen_by("bob") == {"alice": None, "bob": other, "root": None}
+    assert service.ask("alice", "PUT", where + query_of("third.obj"), raw=b"").status == 200
+    assert inputs_seen_by("alice") == {"alice": "third.obj", "bob": None, "root": None}
+    service.end(9)
+    service.start()
+    assert service.ask("alice", "GET", where).json["name"] == "third.obj"
+    # neither results, logs nor the database contain a name
+    for path in (p for p in service.state.rglob("*") if p.is_file() and not p.name.startswith("name:")):
+        content = path.read_bytes()
+        assert not any(text.encode() in content for text in (secret, other, "third.obj")), path
+    # it goes with the file
+    assert service.ask("root", "DELETE", where).status == 204
+    assert not list((service.state / "inputs").iterdir())
+    assert inputs_seen_by("alice") == {"alice": None, "bob": None, "root": None}
+
+
+@pytest.mark.sanitized
+def test_the_name_of_a_shared_upload_belongs_to_each_user(shared_by):
+    service = shared_by("--share_inputs", 1)
+    where = f"/v1/inputs/{hashlib.sha256(TETRAHEDRON).hexdigest()}"
+    assert service.ask("alice", "PUT", where + query_of("a.obj"), raw=TETRAHEDRON).json["name"] == "a.obj"
+    assert service.ask("bob", "GET", where).json["name"] is None
+    assert service.ask("bob", "PUT", where + query_of("b" * 255), raw=b"").json["name"] == "b" * 255
+    assert service.ask("alice", "GET", where).json["name"] == "a.obj"
+    for wrong in ("", "c" * 256):
+        expect_problem(service.ask("bob", "PUT", where + query_of(wrong), raw=b""), 400, "request_invalid")
+    refused = service.ask("bob", "PUT", f"/v1/inputs/{'0' * 64}" + query_of("d.obj"), raw=b"")
+    expect_problem(refused, 422, "digest_mismatch")
+    assert service.ask("bob", "GET", where).json["name"] == "b" * 255
+    # a client that waits for 100 gets the answer at once if the name is known
+    token = service.tokens["alice"]
+    got = exchange(service, f"PUT {where}?name=a.obj HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {token}\r\n"
+                            f"Expect: 100-continue\r\nContent-Length: {len(TETRAHEDRON)}\r\n\r\n".encode())
+    assert got.startswith(b"HTTP/1.1 200 ") and b"100 Continue" not in got
 
 
 def test_what_is_sent_can_be_shared(shared_by):

@@ -223,6 +223,44 @@ def test_an_answer_that_comes_late_replaces_no_newer_one(gated, browser):
 PROGRESS_SHOWN = "return [...document.querySelectorAll('tbody progress')].map(e => e.value).join()"
 
 
+def test_rows_of_waiting_jobs_have_their_order(gated, browser):
+    first = gated.submit(sphere(name="first"))
+    gated.wait_worker(first)
+    later = [gated.submit(sphere(name=name, queue={"priority": priority})) for name, priority in (("second", 0), ("third", 0), ("urgent", 1))]
+    needs = gated.submit(sphere(name="needs", queue={"depends_on": [later[1]]}))
+    browser.open(gated)
+    browser.wait_text("needs", "tbody")
+
+    def states():
+        """The line below the state, of each row."""
+        return dict(zip(browser.texts("tbody .name a[href^='#/jobs/']"), browser.texts("tbody .row-state")))
+    wait_until(lambda: "next of anyone" in states().get("urgent", ""), "the order")
+    assert "after 1 of anyone" in states()["second"] and "after 2 of anyone" in states()["third"]
+    assert "of anyone" not in states()["first"] + states()["needs"]
+    browser.press("third", "tbody")
+    browser.wait_text("after 2 earlier or more urgent jobs of anyone", ".lead")
+    browser.press("Queue", "header")
+    browser.press("needs", "tbody")
+    browser.wait_text("The job starts when the jobs that it depends on have ended", ".lead")
+    browser.press("third", ".facts-list")  # the job that it waits for, by its name
+    browser.wait_text("third", "h1")
+    browser.press("Queue", "header")
+    for job in (first, later[2], later[0], later[1], needs):
+        gated.open_gate(job)
+        gated.wait_state(job, "succeeded")
+    wait_until(lambda: all("Done" in text for text in states().values()), "the end of all")
+
+
+def test_rows_have_the_outcome_and_the_worst_rating(service, browser):
+    job = service.submit(sphere(name="rated"))
+    service.wait_state(job, "succeeded")
+    report = service.get(f"/v1/jobs/{job}/results/report.json").json
+    ratings = [measure["rating"] for measure in report["ratings"].values()]
+    worst = next(word for word in ("poor", "fair", "good") if word in ratings)
+    browser.open(service)
+    browser.wait_text(f"converged, packing {worst}", "tbody .row-state")
+
+
 def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     for name in ("beta", "alpha", "gamma"):
         gated.submit(sphere(name=name, queue={"labels": [name]}))
@@ -460,8 +498,7 @@ def test_a_log_follows_its_attempt(new_service, tmp_path, browser):
     service = new_service("--worker", worker).start()
     job = service.submit(sphere())
     browser.open(service, f"#/jobs/{job}")
-    browser.press("Log", "main")
-    browser.wait_text("line 1 of the log", "pre.log")
+    browser.wait_text("line 1 of the log", "pre.log")  # open while the attempt runs
     seen = browser.text("pre.log").count("line")
     browser.wait_text(f"line {seen + 10} of the log", "pre.log")
     assert browser.run("const log = document.querySelector('pre.log'); return log.scrollTop + log.clientHeight + 40 >= log.scrollHeight")
@@ -865,7 +902,9 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):
     count.send_keys("500")
     wait_until(lambda: "500" in browser.text(".estimate"), "the new estimate")
     browser.press("Submit", "aside")
-    browser.wait_text("cube.obj", "h1")
+    browser.wait_text("cube.obj", "h1")  # the name of the file: the job has none
+    jobs = with_token(closed_service, closed_service.token, "GET", "/v1/jobs").json["jobs"]
+    assert [(job["name"], job["input"]) for job in jobs] == [(None, None)]  # for the administrator
     browser.wait_text("points.ply", ".results")
     size = browser.run("return fetch(document.querySelector('.results a').href).then(r => r.arrayBuffer()).then(b => b.byteLength)")
     assert size > 500 * 52

@@ -131,11 +131,22 @@ static void test_a_tag_contains_the_revision_of_its_job(void **state)
 {
     (void)state;
     const queue_job job = {.revision = 47};
-    static const char *const progress[] = {NULL, "", "{\"fraction\":0.5}"};
-    for (size_t k = 0; k < sizeof progress / sizeof *progress; k++) {
+    char progress[] = "{\"fraction\":0.5}", input[] = "a.obj";
+    const job_json_live live[] = {{.ahead = -1},
+                                  {.ahead = 0},
+                                  {.ahead = 1},
+                                  {.ahead = -1, .progress = progress},
+                                  {.ahead = -1, .input = input, .input_is_label = true},
+                                  {.ahead = -1, .input_is_label = true}};
+    for (size_t k = 0; k < sizeof live / sizeof *live; k++) {
         char tag[JOB_JSON_TAG_SIZE], weak[JOB_JSON_TAG_SIZE + 2] = "W/";
         int64_t revision = 0;
-        job_json_print_tag(&job, progress[k], tag);
+        job_json_print_tag(&job, &live[k], tag);
+        for (size_t other = 0; other < k; other++) {
+            char earlier[JOB_JSON_TAG_SIZE];
+            job_json_print_tag(&job, &live[other], earlier);
+            assert_string_not_equal(tag, earlier);
+        }
         assert_true(job_json_read_tag(tag, &revision));
         assert_int_equal(revision, 47);
         revision = 0;

@@ -71,6 +71,56 @@ static void test_claims_go_by_priority_then_age(void **state)
     queue_claimed_free(left, count);
 }
 
+static int count_ahead(const place *p, const char *id)
+{
+    int count = -1;
+    queue_job job = get((place *)p, id);
+    assert_true(queue_count_ahead(p->q, &job, &count, NULL));
+    queue_job_clear(&job);
+    return count;
+}
+
+/* The count of a job is the number of claims before its own. */
+static void test_jobs_ahead_are_those_claimed_before(void **state)
+{
+    place *p = *state;
+    enum { JOBS = 12 };
+    char id[JOBS][ULID_SIZE];
+    int ahead[JOBS], taken = 0;
+    srand(11); /* of the priorities */
+    for (int i = 0; i < JOBS; i++) put(p, NULL, rand() % 4, id[i]);
+    for (int i = 0; i < JOBS; i++) ahead[i] = count_ahead(p, id[i]);
+    for (; taken < JOBS; taken++) {
+        int next = 0;
+        while (ahead[next] != taken) assert_true(++next < JOBS);
+        assert_int_equal(count_ahead(p, id[next]), 0);
+        claim(p, id[next]);
+    }
+    claim(p, NULL);
+    char many[ULID_SIZE], last[ULID_SIZE];
+    for (int i = 0; i < QUEUE_AHEAD_MOST + 5; i++) put(p, NULL, 0, many);
+    put(p, NULL, -1, last);
+    assert_int_equal(count_ahead(p, last), QUEUE_AHEAD_MOST);
+}
+
+static void test_jobs_ahead_are_those_of_the_owner_that_may_start(void **state)
+{
+    place *p = *state;
+    char id[3][ULID_SIZE];
+    put(p, "paused", 0, id[0]);
+    put(p, "second", 0, id[1]);
+    queue_submission other = plain;
+    other.owner = "another";
+    other.priority = 7;
+    submit_for(p, &other, id[2]);
+    put(p, "last", 0, id[2]);
+    assert_int_equal(count_ahead(p, id[2]), 2);
+    bool found, changed;
+    queue_state now;
+    assert_true(queue_apply_command(p->q, id[0], QUEUE_PAUSE, &found, &changed, &now, NULL));
+    assert_int_equal(count_ahead(p, id[2]), 1);
+}
+
 static void test_only_the_current_attempt_ends_a_task(void **state)
 {
     place *p = *state;
@@ -1915,6 +1965,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_a_job_survives_a_reopening),
         CASE(test_claims_go_by_priority_then_age),
+        CASE(test_jobs_ahead_are_those_claimed_before),
+        CASE(test_jobs_ahead_are_those_of_the_owner_that_may_start),
         CASE(test_only_the_current_attempt_ends_a_task),
         CASE(test_an_attempt_given_back_does_not_count),
         CASE(test_a_crashed_job_waits_and_does_not_block_others),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* spec: the table determines most of these tests: default, bounds and types of every row. */
 #include <malloc.h>
+#include <ctype.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -297,6 +298,28 @@ static void test_bounds_of_every_row(void **state)
         const double least = fabs(row->low) < 1e15 ? row->low : 0; /* larger doubles have no fractions */
         if (!has_fractions(row)) try_value(row, numeric(row, least + 0.25), false, NAN);
         if (row->flags & SPEC_OR_ZERO) try_value(row, numeric(row, 0), true, 0);
+    }
+}
+
+/* A form and the help show titles instead of keys. */
+static void test_titles_are_short_and_differ_within_a_group(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (!row->title) continue;
+        const size_t length = strlen(row->title);
+        const bool is_file = strchr(row->title, '.') != NULL;
+        if (length > 48 || row->title[length - 1] == '.' ||
+            (!is_file && !isupper((unsigned char)row->title[0])))
+            fail_msg("%s: %s", row->pointer, row->title);
+        for (size_t k = 0; k < i; k++) {
+            const spec_row *other = &spec_rows[k];
+            const bool siblings = row->key_offset == other->key_offset &&
+                                  strncmp(row->pointer, other->pointer, row->key_offset) == 0;
+            if (siblings && other->title && strcmp(row->title, other->title) == 0)
+                fail_msg("%s and %s: %s", row->pointer, other->pointer, row->title);
+        }
     }
 }
 
@@ -1313,7 +1336,12 @@ static void test_frames_are_checked_as_if_each_were_read(void **state)
         {BALL_AT_0, coherent, "\"/solver/seed\":[1,2,3]"},
         {BALL_AT_0, count, "\"/sampling/curvature/ratio\":[1,2,3],\"/sampling/min_spacing\":[0.1,0.1,0.1]"},
         {BALL_AT_0, count, "\"/output/preview\":[true,false,7]"},
-        {BALL_AT_0, count, "\"/output/preview/range\":[[1,2],[1,3],[1,1]]"},
+        {BALL_AT_0, count,
+         "\"/output/preview/color\":[\"curvature\",\"curvature\",\"curvature\"],"
+         "\"/output/preview/range\":[[1,2],[1,3],[1,1]]"},
+        {BALL_AT_0, count,
+         "\"/output/preview/color\":[\"curvature\",\"spacing\",\"shading\"],"
+         "\"/output/preview/range\":[[1,2],[1,3],[1,4]]"},
     };
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
@@ -1580,6 +1608,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bounds_of_every_row),
+        cmocka_unit_test(test_titles_are_short_and_differ_within_a_group),
         cmocka_unit_test(test_types_of_every_row),
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),

@@ -108,13 +108,34 @@ static void the_order_of_the_points_is_a_word(void **state)
     refuse("\"order\":\"id\"", "/output/order", "\"id\" requires queue.coherent");
 }
 
+static void a_range_needs_values(void **state)
+{
+    (void)state;
+    static const char *const shaded[] = {"", ",\"color\":\"shading\"", ",\"map\":\"gray\""};
+    for (size_t k = 0; k < sizeof shaded / sizeof *shaded; k++) {
+        char *output = mem_printf("\"preview\":{\"range\":[0,1]%s}", shaded[k]);
+        refuse(output, "/output/preview/range", "the preview is shaded: set color or attribute");
+        free(output);
+    }
+    spec_free(accept("\"preview\":{\"range\":[0,1],\"color\":\"curvature\"}"));
+    spec_free(accept("\"preview\":{\"range\":[0,1],\"color\":\"shading\",\"attribute\":\"heat\"}"));
+    /* a graded spacing is shown by default */
+    static const char graded[] =
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{\"count\":100,"
+        "\"curvature\":{\"ratio\":2}},\"output\":{\"preview\":{\"range\":[0,1]}}}";
+    json *document = json_parse(graded, strlen(graded), NULL);
+    spec *s = spec_parse(document, NULL, NULL);
+    assert_non_null(s);
+    spec_free(s);
+    json_free(document);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cameras_are_read),
-        cmocka_unit_test(cameras_without_a_view_are_refused),
-        cmocka_unit_test(outputs_are_parsed),
-        cmocka_unit_test(the_order_of_the_points_is_a_word),
+        cmocka_unit_test(cameras_are_read),     cmocka_unit_test(cameras_without_a_view_are_refused),
+        cmocka_unit_test(outputs_are_parsed),   cmocka_unit_test(the_order_of_the_points_is_a_word),
+        cmocka_unit_test(a_range_needs_values),
     };
     return cmocka_run_group_tests_name("spec_output", tests, NULL, NULL);
 }

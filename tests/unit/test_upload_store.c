@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 /* upload_store: the space that uploads reserve, in total and of each user. */
+#include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -137,12 +139,66 @@ static void test_a_user_has_a_limit_of_simultaneous_uploads(void **state)
     for (int i = 1; i < AT_ONCE; i++) store_upload_end(held[i]);
 }
 
+/* The number of entries of the directory of uploads. */
+static int count_entries(const place *p)
+{
+    int count = 0;
+    DIR *directory = opendir(p->directory);
+    assert_non_null(directory);
+    for (struct dirent *d; (d = readdir(directory));) count += d->d_name[0] != '.';
+    closedir(directory);
+    return count;
+}
+
+static void expect_name(const place *p, const char *hex, const char *user, const char *expected)
+{
+    char *name = store_inputs_get_file_name(p->inputs, hex, user);
+    if (expected)
+        assert_string_equal(name, expected);
+    else
+        assert_null(name);
+    free(name);
+}
+
+static void test_each_user_names_a_file(void **state)
+{
+    place *p = *state;
+    char hex[STORE_HASH_SIZE];
+    bool found;
+    send_text(p, "ann", "12345678", hex);
+    expect_name(p, hex, "ann", NULL);
+    assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "a.obj", NULL));
+    assert_true(store_inputs_set_file_name(p->inputs, hex, "bob", "a/../\"b\n", NULL));
+    assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "b.obj", NULL));
+    assert_false(store_inputs_was_sent_by(p->inputs, hex, "bob")); /* a name gives no right */
+    close_inputs(p);
+    open_inputs(p);
+    expect_name(p, hex, "ann", "b.obj");
+    expect_name(p, hex, "bob", "a/../\"b\n");
+    expect_name(p, hex, "cleo", NULL);
+    assert_int_equal(count_entries(p), 4); /* the file, its sender and two names */
+    assert_true(store_inputs_remove(p->inputs, hex, &found, NULL));
+    assert_int_equal(count_entries(p), 0);
+    assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD); /* names use no space of users */
+    assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
+    /* a file whose records were left over has neither sender nor name */
+    send_text(p, "ann", "12345678", hex);
+    assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "c.obj", NULL));
+    char *path = mem_printf("%s/sha256:%s", p->directory, hex);
+    assert_int_equal(unlink(path), 0);
+    free(path);
+    close_inputs(p);
+    open_inputs(p);
+    assert_int_equal(count_entries(p), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_space_is_reserved_as_bytes_arrive, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_bytes, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_simultaneous_uploads, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_each_user_names_a_file, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("inputs", tests, NULL, NULL);
 }

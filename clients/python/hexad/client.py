@@ -16,7 +16,7 @@ from .errors import FaultWarning, HexadError, Problem, WaitTimeout
 from .events import Event, follow
 from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, hash_file, save, wait_as_asked, with_version
 from .problems import Conflict, NotFound
-from .transport import Transport, body_of
+from .transport import Transport, body_of, with_query
 
 __all__ = ["Client", "RemoteJob"]
 
@@ -194,16 +194,20 @@ class Client(Service):
 
     def upload(self, file: PathLike | bytes, suffix: str | None = None) -> str:
         if isinstance(file, bytes):
-            return self.send(hashlib.sha256(file).hexdigest(), file) + (suffix or "")
+            return self.send(hashlib.sha256(file).hexdigest(), file, None) + (suffix or "")
         path = pathlib.Path(file)
-        return self.send(hash_file(path), path) + (path.suffix if suffix is None else suffix)
+        return self.send(hash_file(path), path, path.name) + (path.suffix if suffix is None else suffix)
 
-    def send(self, sha256: str, body: bytes | pathlib.Path) -> str:
+    def send(self, sha256: str, body: bytes | pathlib.Path, name: str | None) -> str:
         try:
             known = self.transport.get(f"/v1/inputs/{sha256}")
+            if name is None or known["name"] == name:
+                return str(known["path"])
+            body = b""  # the service has the file; it gets another name
         except NotFound:
-            known = self.transport.ask("PUT", f"/v1/inputs/{sha256}", body,
-                                       {"Content-Type": "application/octet-stream"}, read=body_of)
+            pass
+        where = with_query(f"/v1/inputs/{sha256}", {"name": name})
+        known = self.transport.ask("PUT", where, body, {"Content-Type": "application/octet-stream"}, read=body_of)
         return str(known["path"])
 
     def validate(self, spec: AnySpec) -> dict[str, Any]:

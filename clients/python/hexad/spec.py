@@ -1145,14 +1145,14 @@ class OutputPreview(_OutputPreviewRest):
     size: The side of a square image, or [width, height]. (pixels) Default: [512, 512].
     color: The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
         particle, the achieved spacing, or the number of neighbours (degree). shading: one colour, shaded by
-        the normals; range and map have no effect. Default: alpha if sampling.alpha is given; spacing if the
-        spacing is graded, in a sequence only with min_spacing and max_spacing, which are then the range;
-        otherwise shading.
+        the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given;
+        spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are then
+        the range; otherwise shading.
     attribute: The attribute that the colours show instead of color, by its name in the outputs; for a vector,
         its length. An attribute of type color is shown unchanged. Surfaces with patches also have patch and
         feature, labels have label_a and label_b.
-    range: The values at both ends of the colours, the lower one first. Default: the 2nd and the 98th
-        percentile.
+    range: The values at both ends of the colours, the lower one first. Requires attribute, or a color other
+        than shading. Default: the 2nd and the 98th percentile.
     map: The colours. diverging: from blue through nearly white, the middle of the range, to red. Default:
         'viridis'.
     channels: The channels of preview.exr. basic: R, G, B, A, Z and id, by which points.ply has the rest of a

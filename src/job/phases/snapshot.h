@@ -27,7 +27,7 @@ typedef struct snapshot {
 void snapshot_begin(snapshot *w, const char *directory);
 
 /* Writes the current particles of `s`, in world space, if 2 s have passed since snapshot_begin and since the
- * last snapshot. If there are more than 100 000 particles, it writes every k-th. */
+ * last snapshot. If there are more than 100 000 particles, it writes an even subset. */
 void snapshot_offer(snapshot *w, const solver *s, const source *from, const spec *asked);
 
 /* Removes the file. May be called by another thread just before the process ends. */

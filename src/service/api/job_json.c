@@ -8,6 +8,7 @@
 
 #include "service/api/paths.h"
 #include "base/core/clock.h"
+#include "base/core/memory.h"
 #include "files/sent_file.h"
 #include "service/http/reply.h"
 #include "service/results/result.h"
@@ -73,14 +74,31 @@ void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_
     json_put(object, "paths", paths ? paths : json_new_array());
 }
 
-void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE])
+static uint32_t hash_text(uint32_t hash, const char *text)
 {
-    uint32_t hash = 2166136261u; /* FNV-1a; it need not resist an attack */
-    for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
-    if (progress)
-        snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
-    else
+    for (const char *t = text; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
+    return hash * 16777619u; /* separates texts */
+}
+
+void job_json_live_clear(job_json_live *live)
+{
+    free(live->progress);
+    free(live->input);
+}
+
+bool job_json_is_fixed(const job_json_live *live)
+{
+    return !live->progress && !live->input_is_label && live->ahead < 0;
+}
+
+void job_json_print_tag(const queue_job *job, const job_json_live *live, char tag[JOB_JSON_TAG_SIZE])
+{
+    /* FNV-1a; it need not resist an attack */
+    uint32_t hash = hash_text(hash_text(2166136261u, live->progress), live->input) + (uint32_t)live->ahead;
+    if (job_json_is_fixed(live))
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+    else
+        snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
 }
 
 void job_json_put_notes(json *object, const char *work_dir, const char *id, int frame, bool succeeded)
@@ -152,26 +170,29 @@ static const char *first_path(const json_at *at)
     return found;
 }
 
-/* Adds `input`: the name of the first file of the surface, for a job without a name of its own. Uploaded files
- * have no names. */
-static void put_input(json *object, const queue_job *job, bool own)
+void job_json_find_input(job_json_live *live, const queue_job *job, job_json_viewer viewer,
+                         const store_inputs *inputs, const char *user)
 {
-    char name[STORE_INPUT_NAME_SIZE];
-    const bool wanted = own && job->spec && (!job->name || !*job->name);
+    char sent[STORE_INPUT_NAME_SIZE];
+    const bool wanted = viewer != JOB_JSON_READER && job->spec && (!job->name || !*job->name);
     json *document = wanted ? json_parse(job->spec, strlen(job->spec), NULL) : NULL;
     json_at root = json_root(document), surface = json_member(&root, "surface");
     const char *path = first_path(&surface), *slash = path ? strrchr(path, '/') : NULL;
-    json_put_string(object, "input", path && sent_file_match(path, name) ? NULL : slash ? slash + 1 : path);
+    live->input_is_label = path && sent_file_match(path, sent);
+    if (live->input_is_label)
+        live->input = store_inputs_get_file_name(inputs, sent + strlen(STORE_INPUT_PREFIX), user);
+    else
+        live->input = path ? mem_strdup(slash ? slash + 1 : path) : NULL;
     json_free(document);
 }
 
-json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress)
+json *job_json_new(const queue_job *job, job_json_viewer viewer, const job_json_live *live)
 {
     bool own = viewer != JOB_JSON_READER;
     json *o = json_new_object();
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
-    put_input(o, job, own);
+    json_put_string(o, "input", live->input);
     json_put_string(o, "owner", job->owner ? job->owner : "");
     json_put_integer(o, "revision", job->revision);
     json_put_string(o, "state", queue_state_name(job->state));
@@ -195,7 +216,11 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *pro
     json_put_integer(o, "retention_s", own ? job->retention_s : 0);
     json_put_string(o, "traceparent", own ? job->trace : NULL);
     json_put_string(o, "cached_from", job_json_cached_from(job, viewer));
-    job_json_put_stored(o, "progress", own ? progress : NULL);
+    job_json_put_stored(o, "progress", own ? live->progress : NULL);
+    if (live->ahead >= 0)
+        json_put_integer(o, "ahead", live->ahead);
+    else
+        json_put_null(o, "ahead");
     put_error(o, viewer, job->error_code, job->error_message);
     put_delivery(o, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
     put_links(o, job);

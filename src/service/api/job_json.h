@@ -15,6 +15,7 @@
 #include "service/auth/access.h"
 #include "base/json/json.h"
 #include "service/queue/queue.h"
+#include "service/uploads/upload_store.h"
 
 #define JOB_JSON_TAG_SIZE 40 /* of an ETag, with the terminating 0 */
 
@@ -31,9 +32,23 @@ const char *job_json_cached_from(const queue_job *job, job_json_viewer viewer);
 /* The set of outcomes (queue.h) of spec.accept. */
 unsigned job_json_outcomes(unsigned accept);
 
-/* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. `progress`: the last
- * progress line of its worker (JSON text); NULL: none. */
-json *job_json_new(const queue_job *job, job_json_viewer viewer, const char *progress);
+/* Members of a document that can change while the revision of the job does not. */
+typedef struct job_json_live {
+    char *progress;      /* the last progress line of its worker (JSON text); NULL: none */
+    char *input;         /* for a job without a name: the name of the first file of its surface; NULL: none */
+    bool input_is_label; /* a user gave an uploaded file the name `input` */
+    int ahead;           /* see queue_count_ahead; -1: the job does not wait for its turn */
+} job_json_live;
+
+/* Sets `input` and `input_is_label`. The name of an uploaded file is the one that `user`, the caller, gave it. */
+void job_json_find_input(job_json_live *live, const queue_job *job, job_json_viewer viewer,
+                         const store_inputs *inputs, const char *user);
+void job_json_live_clear(job_json_live *live);
+/* Whether the document of the job changes with its revision only. */
+bool job_json_is_fixed(const job_json_live *live);
+
+/* The document of a job without `spec`, `paths`, `notes` and `attempts`, to be freed. */
+json *job_json_new(const queue_job *job, job_json_viewer viewer, const job_json_live *live);
 
 /* Adds the members `spec`, with the paths of the client, and `paths`, the list of mapped paths
  * (service/api/paths.h). Both are stored as JSON text, or NULL. */
@@ -61,9 +76,9 @@ void job_json_put_time(json *object, const char *key, int64_t wall_ms);
 /* Adds a value that the service stored as JSON text; null for NULL. */
 void job_json_put_stored(json *object, const char *key, const char *text);
 
-/* Prints the ETag of a job: its revision and, if `progress` is not NULL, a hash of it: `"7"`,
+/* Prints the ETag of a job: its revision and, if the document is not fixed, a hash of `live`: `"7"`,
  * `"7.1f3a9c02"`. */
-void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE]);
+void job_json_print_tag(const queue_job *job, const job_json_live *live, char tag[JOB_JSON_TAG_SIZE]);
 
 /* Reads the revision from an ETag; false if it is not an ETag of a job. */
 bool job_json_read_tag(const char *tag, int64_t *revision);

@@ -34,10 +34,18 @@
 /* Longest Idempotency-Key, in characters. */
 #define KEY_LENGTH_MOST 255
 
-static char *progress_of(const http_context *c, const queue_job *job, job_json_viewer viewer)
+/* The caller clears it. */
+static job_json_live live_of(const http_context *c, const access_caller *caller, const queue_job *job)
 {
-    bool hidden = viewer == JOB_JSON_READER || queue_state_is_final(job->state);
-    return hidden ? NULL : executor_progress(c->x, job->id);
+    job_json_live live = {.ahead = -1};
+    job_json_viewer viewer = job_json_viewer_of(caller, job->owner);
+    if (viewer != JOB_JSON_READER && !queue_state_is_final(job->state))
+        live.progress = executor_progress(c->x, job->id);
+    job_json_find_input(&live, job, viewer, c->inputs, caller->user);
+    int ahead = 0;
+    if (job->state == QUEUE_QUEUED && !job->paused && queue_count_ahead(c->q, job, &ahead, NULL))
+        live.ahead = ahead;
+    return live;
 }
 
 /* Sets a reply with the complete document of a job, and stores it in the cache. */
@@ -55,22 +63,22 @@ static void answer_job(const http_context *c, const http_request *request, const
         reply_set_error(r, &e, NULL);
         return;
     }
-    char *progress = progress_of(c, job, viewer);
-    json *document = job_json_new(job, viewer, progress);
+    job_json_live live = live_of(c, request->caller, job);
+    json *document = job_json_new(job, viewer, &live);
     job_json_put_spec(document, viewer, job->spec, job->paths);
     job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);
     queue_attempts_free(attempts, count);
-    job_json_print_tag(job, progress, made.tag);
+    job_json_print_tag(job, &live, made.tag);
     reply_set_json(r, status, document);
     reply_add_header(r, "ETag", made.tag);
     made.text = r->body;
     made.length = r->length;
-    /* the progress of a running job changes while the stamp of the job does not */
-    if (!progress && !job->tasks.running) document_cache_put(c->documents, job, viewer, &made);
-    free(progress);
+    /* the progress of a running job changes while its stamp does not */
+    if (job_json_is_fixed(&live) && !job->tasks.running) document_cache_put(c->documents, job, viewer, &made);
+    job_json_live_clear(&live);
 }
 
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r)
@@ -329,13 +337,16 @@ static char *print_labels(const spec *s)
 
 /* Sets a reply with the document of a job that was just submitted. It is made from the submission, because
  * the job is accepted even if the database cannot be read now. */
-static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
+static void show_accepted(const http_context *c, const http_request *request, const queue_receipt *receipt,
+                          const queue_submission *put, reply *r)
 {
     queue_job job = {
+        .seq = receipt->seq,
         .name = (char *)put->name,
         .owner = (char *)put->owner,
         .labels = (char *)put->labels,
         .trace = (char *)put->trace,
+        .spec = (char *)put->spec,
         .revision = receipt->revision,
         .state = receipt->state,
         .priority = put->priority,
@@ -350,12 +361,14 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     }; /* its texts are borrowed from `put` */
     char tag[JOB_JSON_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
-    json *document = job_json_new(&job, JOB_JSON_OWNER, NULL);
+    job_json_live live = live_of(c, request->caller, &job);
+    json *document = job_json_new(&job, JOB_JSON_OWNER, &live);
     job_json_put_spec(document, JOB_JSON_OWNER, put->spec, put->paths);
     json_put_null(document, "notes");
     json_put_null(document, "delivery");
     json_put_array(document, "attempts");
-    job_json_print_tag(&job, NULL, tag);
+    job_json_print_tag(&job, &live, tag);
+    job_json_live_clear(&live);
     reply_set_json(r, 201, document);
     reply_add_header(r, "ETag", tag);
 }
@@ -467,7 +480,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         executor_wake(c->x);
         log_write(LOG_LEVEL_INFO, "job accepted job=%s user=%s trace=%s", receipt->id, put->owner,
                   put->trace ? put->trace : "-");
-        show_accepted(receipt, put, r);
+        show_accepted(c, request, receipt, put, r);
         reply_add_header(r, "Location", location);
         jobs_wait(c, request, receipt->id, r);
         break;
@@ -860,9 +873,9 @@ static void answer_page(const http_context *c, const http_request *request, cons
     json *list = json_put_array(document, "jobs");
     for (size_t i = 0; i < page->count && i < limit; i++) {
         const job_json_viewer viewer = job_json_viewer_of(request->caller, page->jobs[i].owner);
-        char *progress = progress_of(c, &page->jobs[i], viewer);
-        json_append(list, job_json_new(&page->jobs[i], viewer, progress));
-        free(progress);
+        job_json_live live = live_of(c, request->caller, &page->jobs[i]);
+        json_append(list, job_json_new(&page->jobs[i], viewer, &live));
+        job_json_live_clear(&live);
     }
     json_put_string(document, "next", cursor);
     reply_set_json(r, 200, document);
@@ -935,9 +948,9 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t wait_ms = read_wait_ms(c, request), until_ms = request->came_ms + wait_ms;
     bool patient = !request->last && clock_monotonic_ms() < until_ms;
-    char *progress = progress_of(c, &job, job_json_viewer_of(request->caller, job.owner));
-    job_json_print_tag(&job, progress, tag);
-    free(progress);
+    job_json_live live = live_of(c, request->caller, &job);
+    job_json_print_tag(&job, &live, tag);
+    job_json_live_clear(&live);
     /* at the first call, an outdated ETag is answered at once; after a wait, progress alone does not end
      * the wait */
     bool current =

@@ -45,7 +45,9 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 255,
      .example = "points.ply",
-     .prose = "The name of a result, as in the list of results; of a list of jobs: only those of this name."},
+     .prose =
+         "The name of a result, as in the list of results; of a list of jobs: only those of this name; of an "
+         "upload: the name of the file, which only its sender sees."},
     {.name = "sha256",
      .type = PARAMETER_TEXT,
      .low = 64,

@@ -302,6 +302,7 @@ static const route routes[] = {
      .name = "putInput",
      .tag = "inputs",
      .summary = "Upload a file that jobs may read",
+     .query = "name",
      .body = "file",
      .answers = "200:Input 201:Input",
      .problems = "body_too_large media_type_unsupported digest_mismatch storage_full"},

@@ -8,6 +8,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
+#include "service/http/parameter.h"
 
 typedef struct upload {
     http_sink sink;     /* first member: the server passes its address */
@@ -74,14 +75,18 @@ static const char *read_hash(const http_request *request, reply *r)
     return NULL;
 }
 
-static void show(const char *hex, int64_t bytes, int status, reply *r)
+static void show(const http_context *c, const access_caller *caller, const char *hex, int64_t bytes,
+                 int status, reply *r)
 {
     json *document = json_new_object();
-    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex);
+    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex),
+         *name = store_inputs_get_file_name(c->inputs, hex, caller->user);
     json_put_string(document, "sha256", hex);
     json_put_integer(document, "bytes", bytes);
     json_put_string(document, "path", path);
+    json_put_string(document, "name", name);
     free(path);
+    free(name);
     reply_set_json(r, status, document);
 }
 
@@ -134,6 +139,16 @@ bool uploads_check(const http_context *c, const access_caller *caller, const cha
     return fd >= 0;
 }
 
+/* Whether the request gives the file a name that it does not have yet. */
+static bool renames(const http_context *c, const http_request *request, const char *hex)
+{
+    const char *name = parameter_text(request, "name", NULL);
+    char *old = name ? store_inputs_get_file_name(c->inputs, hex, request->caller->user) : NULL;
+    bool changes = name && (!old || strcmp(old, name) != 0);
+    free(old);
+    return changes;
+}
+
 http_sink *uploads_begin(const http_context *c, const http_request *request, reply *r)
 {
     store_upload *file = NULL;
@@ -145,8 +160,9 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
         return NULL;
     }
     int64_t there = uploads_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
-    if (there >= 0 && request->waits) { /* the client has not sent the body yet: answer without it */
-        show(hex, there, 200, r);
+    /* the client has not sent the body yet: answer without it; a name is stored by a thread of the pool */
+    if (there >= 0 && request->waits && !renames(c, request, hex)) {
+        show(c, request->caller, hex, there, 200, r);
         return NULL;
     }
     if (there < 0) {
@@ -165,7 +181,7 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
 void uploads_put(const http_context *c, const http_request *request, reply *r)
 {
     upload *u = (upload *)(void *)request->sink;
-    const char *hex = request->parameter[0];
+    const char *hex = request->parameter[0], *name = parameter_text(request, "name", NULL);
     bool sent = u->file != NULL;
     if (sent && u->outcome == STORE_UPLOAD_GOOD)
         u->outcome =
@@ -173,12 +189,15 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
     if (sent && u->outcome == STORE_UPLOAD_GOOD &&
         !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
         u->outcome = STORE_UPLOAD_FAILED;
+    if (name && u->outcome == STORE_UPLOAD_GOOD &&
+        !store_inputs_set_file_name(c->inputs, hex, request->caller->user, name, &u->why))
+        u->outcome = STORE_UPLOAD_FAILED;
     end(u); /* before the answer, after which the client may begin the next upload */
     if (u->outcome != STORE_UPLOAD_GOOD) {
         refuse(c, request->caller->user, u->outcome, &u->why, r);
         return;
     }
-    show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
+    show(c, request->caller, hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
     if (!sent) return;
     log_write(LOG_LEVEL_INFO, "input stored sha256=%s user=%s", hex, request->caller->user);
     char *location = mem_printf("/v1/inputs/%s", hex);
@@ -192,7 +211,7 @@ void uploads_show(const http_context *c, const http_request *request, reply *r)
     if (!hex) return;
     int64_t bytes = uploads_may_use(c, request->caller, hex) ? store_inputs_find(c->inputs, hex) : -1;
     if (bytes >= 0)
-        show(hex, bytes, 200, r);
+        show(c, request->caller, hex, bytes, 200, r);
     else
         reply_set_problem(r, "not_found", NULL,
                           "the input %s was not uploaded by this user, or has expired: send it with hexadctl "

@@ -336,6 +336,22 @@ int queue_compare(const queue_job *a, const queue_job *b, const queue_filter *fi
     return filter->rising ? found : -found;
 }
 
+bool queue_count_ahead(queue *q, const queue_job *job, int *count, error *e)
+{
+    int64_t found = 0;
+    database *d = database_begin_read(q->database);
+    bool ok = database_read_integer(
+        d,
+        ASK(d, e,
+            "SELECT count(*) FROM (SELECT 1 FROM job INDEXED BY job_ready WHERE owner = ?1 AND " SCHEMA_CLAIMABLE
+            " AND (priority > ?2 OR (priority = ?2 AND seq < ?3)) LIMIT ?4)",
+            text(job->owner), integer(job->priority), integer(job->seq), integer(QUEUE_AHEAD_MOST)),
+        &found, e);
+    database_end_read(d);
+    *count = (int)found;
+    return ok;
+}
+
 bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
 {
     bool ok = false, read = false;

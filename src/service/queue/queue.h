@@ -218,7 +218,7 @@ typedef struct queue_receipt {
     char id[ULID_SIZE];
     /* queued, blocked, or failed: a job that it depends on has failed or is not accepted */
     queue_state state;
-    int64_t revision;
+    int64_t seq, revision;
     size_t dependency;
     int frame;
 } queue_receipt;
@@ -451,6 +451,12 @@ bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *clai
  * of queue_claim. */
 bool queue_claim_in_chunk(queue *q, const queue_resources *resources, const char *id, int task,
                           queue_claimed *claimed, bool *found, error *e);
+
+/* Counts the jobs of the job's owner that are claimed before it: those with a task that may be claimed and a higher
+ * priority, or the same priority and an earlier arrival. *count is at most QUEUE_AHEAD_MOST. Jobs that do not fit
+ * into the free resources may be overtaken. */
+#define QUEUE_AHEAD_MOST 100
+bool queue_count_ahead(queue *q, const queue_job *job, int *count, error *e);
 
 /* Claims the first queued task of one job, whatever the free resources. */
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e);

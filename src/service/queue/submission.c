@@ -271,6 +271,7 @@ static bool put(database *d, change *c)
     if (ok && (lost || s->in->after_frames_count)) ok = job_save(d, &before, &j, now, e);
     s->receipt.admission = QUEUE_CREATED;
     s->receipt.state = j.state;
+    s->receipt.seq = j.seq;
     s->receipt.revision = j.revision;
     return ok;
 }

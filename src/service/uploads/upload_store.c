@@ -16,6 +16,7 @@
 #include "files/file.h"
 
 #define SENDER_PREFIX "sender:"
+#define FILE_NAME_PREFIX "name:"
 
 struct store_inputs {
     char *directory;
@@ -57,28 +58,33 @@ static void hash_name(const char *user, char name[STORE_INPUT_HEX + 1])
     print_digest(&hash, name);
 }
 
-static char *sender_path(const store_inputs *s, const char *hex, const char *user)
+/* The path of the record of a user about a file. */
+static char *record_path(const store_inputs *s, const char *prefix, const char *hex, const char *user)
 {
     char name[STORE_INPUT_HEX + 1];
     hash_name(user, name);
-    return mem_printf("%s/" SENDER_PREFIX "%s:%s", s->directory, hex, name);
+    return mem_printf("%s/%s%s:%s", s->directory, prefix, hex, name);
 }
 
-/* The sender's name in "sender:HEX:NAME". */
-static const char *name_in(const char *entry)
+/* The hash of the file in the name of a record, followed by ":USER"; NULL: it is no record with this prefix. */
+static const char *record_hash(const char *name, const char *prefix)
+{
+    const size_t length = strlen(prefix);
+    bool is_record = strncmp(name, prefix, length) == 0 && strlen(name) == length + 2 * STORE_INPUT_HEX + 1;
+    return is_record ? name + length : NULL;
+}
+
+static const char *sender_in(const char *entry)
 {
     return entry + strlen(SENDER_PREFIX) + STORE_INPUT_HEX + 1;
 }
 
-/* Whether the name is a record of a sender whose file exists. If so, *bytes is the length of the file. */
-static bool is_sender(int directory, const char *name, int64_t *bytes)
+/* Whether the file with the hash at the beginning of the text exists. If so, *bytes is its length. */
+static bool has_file(int directory, const char *hex, int64_t *bytes)
 {
     char input[STORE_INPUT_NAME_SIZE];
     struct stat info;
-    size_t prefix = strlen(SENDER_PREFIX);
-    if (strncmp(name, SENDER_PREFIX, prefix) != 0 || strlen(name) != prefix + 2 * STORE_INPUT_HEX + 1)
-        return false;
-    snprintf(input, sizeof input, STORE_INPUT_PREFIX "%.*s", STORE_INPUT_HEX, name + prefix);
+    snprintf(input, sizeof input, STORE_INPUT_PREFIX "%.*s", STORE_INPUT_HEX, hex);
     if (!sent_file_is_name(input) || fstatat(directory, input, &info, AT_SYMLINK_NOFOLLOW) != 0) return false;
     *bytes = info.st_size;
     return true;
@@ -93,13 +99,15 @@ static bool take_stock(store_inputs *s, error *e)
     for (struct dirent *d; (d = readdir(directory));) {
         struct stat info;
         int64_t bytes = 0;
+        const char *sender = record_hash(d->d_name, SENDER_PREFIX),
+                   *file_name = record_hash(d->d_name, FILE_NAME_PREFIX);
         if (fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
             continue;
         if (sent_file_is_name(d->d_name))
             s->used_bytes += info.st_size;
-        else if (is_sender(dirfd(directory), d->d_name, &bytes))
-            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(d->d_name), bytes);
-        else
+        else if (sender && has_file(dirfd(directory), sender, &bytes))
+            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(d->d_name), bytes);
+        else if (!file_name || !has_file(dirfd(directory), file_name, &bytes))
             unlinkat(dirfd(directory), d->d_name, 0);
     }
     closedir(directory);
@@ -150,13 +158,13 @@ int64_t store_inputs_use(store_inputs *s, const char *hex)
 
 bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e)
 {
-    char *path = sender_path(s, hex, user);
+    char *path = record_path(s, SENDER_PREFIX, hex, user);
     int64_t bytes = store_inputs_find(s, hex);
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600); /* O_EXCL: the file is counted once */
     bool ok = fd >= 0 || errno == EEXIST || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (fd >= 0) {
         close(fd);
-        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
+        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
     }
     free(path);
     return ok && store_directory_sync(s->directory, e);
@@ -164,10 +172,29 @@ bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user
 
 bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user)
 {
-    char *path = sender_path(s, hex, user);
+    char *path = record_path(s, SENDER_PREFIX, hex, user);
     bool noted = access(path, F_OK) == 0;
     free(path);
     return noted && store_inputs_find(s, hex) >= 0;
+}
+
+char *store_inputs_get_file_name(const store_inputs *s, const char *hex, const char *user)
+{
+    size_t count = 0;
+    char *path = record_path(s, FILE_NAME_PREFIX, hex, user),
+         *file_name = store_file_read(path, STORE_INPUT_FILE_NAME_MOST, &count, NULL);
+    free(path);
+    return file_name;
+}
+
+bool store_inputs_set_file_name(store_inputs *s, const char *hex, const char *user, const char *file_name,
+                                error *e)
+{
+    char *path = record_path(s, FILE_NAME_PREFIX, hex, user), *old = store_inputs_get_file_name(s, hex, user);
+    bool ok = (old && strcmp(old, file_name) == 0) || store_file_write(path, file_name, strlen(file_name), e);
+    free(old);
+    free(path);
+    return ok;
 }
 
 /* A file that was removed. */
@@ -181,8 +208,8 @@ static int compare_gone(const void *a, const void *b)
     return strncmp(((const gone_file *)a)->hex, ((const gone_file *)b)->hex, STORE_INPUT_HEX);
 }
 
-/* Removes the records of the senders of removed files and releases the senders' bytes. */
-static void forget_senders(store_inputs *s, gone_file *files, size_t count)
+/* Removes the records about removed files and releases the bytes of their senders. */
+static void remove_records(store_inputs *s, gone_file *files, size_t count)
 {
     DIR *directory = opendir(s->directory);
     if (!directory) return;
@@ -190,13 +217,13 @@ static void forget_senders(store_inputs *s, gone_file *files, size_t count)
     for (struct dirent *d; (d = readdir(directory));) {
         int64_t bytes = 0;
         gone_file key = {{0}, 0};
-        if (strncmp(d->d_name, SENDER_PREFIX, strlen(SENDER_PREFIX)) != 0 ||
-            is_sender(dirfd(directory), d->d_name, &bytes))
-            continue;
-        snprintf(key.hex, sizeof key.hex, "%.*s", STORE_INPUT_HEX, d->d_name + strlen(SENDER_PREFIX));
+        const char *sender = record_hash(d->d_name, SENDER_PREFIX),
+                   *hex = sender ? sender : record_hash(d->d_name, FILE_NAME_PREFIX);
+        if (!hex || has_file(dirfd(directory), hex, &bytes)) continue;
+        snprintf(key.hex, sizeof key.hex, "%.*s", STORE_INPUT_HEX, hex);
         const gone_file *file = bsearch(&key, files, count, sizeof *files, compare_gone);
-        if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && file)
-            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, name_in(d->d_name), -file->bytes);
+        if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && file && sender)
+            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(d->d_name), -file->bytes);
     }
     closedir(directory);
 }
@@ -227,7 +254,7 @@ bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const c
         pthread_mutex_unlock(&s->mutex);
     }
     closedir(directory);
-    if (*gone) forget_senders(s, files, *gone);
+    if (*gone) remove_records(s, files, *gone);
     free(files);
     return !*gone || store_directory_sync(s->directory, e);
 }
@@ -288,7 +315,7 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
         gone_file file = {{0}, bytes};
         snprintf(file.hex, sizeof file.hex, "%s", hex);
         release(s, bytes);
-        forget_senders(s, &file, 1);
+        remove_records(s, &file, 1);
     }
     if (ok) *found = gone;
     free(path);

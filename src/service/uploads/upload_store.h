@@ -4,7 +4,8 @@
  * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never
  * changes. A file that is uploaded again is stored once. Its modification time is the time of its last use.
  * For each user that sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's
- * name. It is removed together with the file. Opening the directory removes unfinished uploads that a crash
+ * name. `name:HEX:USER` contains the name that the user gave the file; only this user may learn it. Both are
+ * removed together with the file. Opening the directory removes unfinished uploads that a crash
  * left. One process owns the directory. Any thread may call; an upload belongs to one thread at a time.
  */
 #ifndef HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
@@ -50,6 +51,13 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
 bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e);
 /* Whether the user has sent the file and the file exists. */
 bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user);
+
+/* Records the name that the user gives a file that exists. The length is at most STORE_INPUT_FILE_NAME_MOST bytes. */
+#define STORE_INPUT_FILE_NAME_MOST 255
+bool store_inputs_set_file_name(store_inputs *s, const char *hex, const char *user, const char *file_name,
+                                error *e);
+/* The name that this user gave the file; the caller frees it. NULL: none. */
+char *store_inputs_get_file_name(const store_inputs *s, const char *hex, const char *user);
 
 typedef enum store_upload_outcome {
     STORE_UPLOAD_GOOD,
