@@ -198,12 +198,40 @@ static void random_points_agree(void **state)
     check("random points", s, OUTCOME_UNRESOLVED);
 }
 
+/* Cuts a hole into every 200th triangle, away from its edges. Points beside it have cells that the hole makes smaller. */
+static scene tube_with_holes(void)
+{
+    scene tube = scene_tube(24, 31);
+    scene s = {.smooth = true};
+    for (size_t k = 0; k < tube.points; k++) scene_point_again(&s, tube.point[k]);
+    for (size_t k = 0; k < tube.triangles; k++) {
+        vec3 c[3], in[3];
+        for (int i = 0; i < 3; i++) c[i] = tube.vertex[tube.triangle[k][i]];
+        const vec3 centre = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0 / 3);
+        for (int i = 0; i < 3; i++) in[i] = vec3_axpy(0.6, vec3_sub(c[i], centre), centre);
+        if (k % 200 != 100)
+            scene_triangle(&s, c[0], c[1], c[2]);
+        else
+            for (int i = 0; i < 3; i++) scene_quad(&s, c[i], c[(i + 1) % 3], in[(i + 1) % 3], in[i]);
+    }
+    scene_free(&tube);
+    return s;
+}
+
+static void holes_between_points_agree(void **state)
+{
+    (void)state;
+    check("holes between points", tube_with_holes(), OUTCOME_CONVERGED);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(perfect_lattices_agree), cmocka_unit_test(results_with_gaps_agree),
-        cmocka_unit_test(walls_and_parts_without_points_agree), cmocka_unit_test(points_too_close_agree),
-        cmocka_unit_test(random_points_agree)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(perfect_lattices_agree),
+                                       cmocka_unit_test(results_with_gaps_agree),
+                                       cmocka_unit_test(walls_and_parts_without_points_agree),
+                                       cmocka_unit_test(points_too_close_agree),
+                                       cmocka_unit_test(random_points_agree),
+                                       cmocka_unit_test(holes_between_points_agree)};
     const char *given = getenv("HEXAD_SCENE_POINTS");
     across = (int)sqrt(given ? atof(given) : 6000);
     return cmocka_run_group_tests(tests, NULL, NULL);

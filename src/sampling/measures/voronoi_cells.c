@@ -9,8 +9,8 @@
 /* A place can belong to the cell of a point that is farther from it than the nearest point by this, in the
  * largest spacing: the nearest point can be on an opposite wall. */
 static const double BEYOND_NEAREST = 0.7;
-/* The area of a piece may differ from that of its cells by this fraction of it, and by this multiple of what the
- * bend of the surface adds to certain cells: on meshes, whose triangles meet in edges between the points, the
+/* The area of a piece may differ from that of its cells by this fraction of it, and may be larger by this multiple of
+ * what the bend of the surface adds to certain cells: on meshes, whose triangles meet in edges between the points, the
  * normals give a third of what the edges add. */
 static const double AREA_TOLERANCE = 5e-4, BEND_TOLERANCE = 1.2;
 /* With a smaller share of certain cells all are computed from triangles: to compute the others takes about as long. */
@@ -139,8 +139,9 @@ static bool withdraw(const facets *f, const sites *s, voronoi_cells *c, error *e
     for (uint32_t i = 0; sum && i < c->count; i++) {
         const double area = f->piece_area[sites_piece(s, i)];
         const piece_area *of = &sum[sites_piece(s, i)];
+        const double lack = area - of->cells;
         if (!c->planar[i].certain ||
-            fabs(of->cells - area) <= AREA_TOLERANCE * area + BEND_TOLERANCE * of->bend)
+            (lack >= -AREA_TOLERANCE * area && lack <= AREA_TOLERANCE * area + BEND_TOLERANCE * of->bend))
             continue;
         c->planar[i] = (planar_cell){.certain = false};
     }
