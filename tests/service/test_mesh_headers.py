@@ -197,6 +197,9 @@ def test_a_separate_file_of_a_gltf_is_reported_as_missing(look, tmp_path, r, uri
     (lambda d: d["accessors"][0].update(count=9), "accessor 0"), (lambda d: d["accessors"][1].update(count=37), "accessor 1"),
     (lambda d: d["accessors"][0].update(type="VEC4"), "accessor 0"), (lambda d: d["bufferViews"][0].update(byteLength=10 ** 9), "accessor 0"),
     (lambda d: d["bufferViews"][0].update(byteOffset=-4), "accessor 0"), (lambda d: d["accessors"][0].update(componentType=7), "accessor 0"),
+    (lambda d: d["accessors"][1].update(componentType=5122), "accessor 1"), (lambda d: d["accessors"][1].update(normalized=True), "accessor 1"),
+    (lambda d: d["accessors"][1].update(componentType=5126, count=18), "accessor 1"),
+    (lambda d: d["accessors"][0].update(sparse={"count": 1, "indices": {"bufferView": 1, "componentType": 5122}, "values": {"bufferView": 0}}), "accessor 0"),
     (lambda d: d["nodes"][0].update(children=[0]), "not a tree"), (lambda d: d["nodes"][0].update(mesh=5), "a mesh that is missing"),
     (lambda d: d["nodes"][0].update(matrix=[1, 2]), "transform"),
     (lambda d: d["nodes"][0].update(matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], scale=[2, 2, 2]), "a matrix beside"), (lambda d: d["asset"].update(minVersion="2.1"), "2.1")])

@@ -286,6 +286,34 @@ static void nested_shells_are_measured_apart(void **state)
 }
 
 /* A cell of one wall does not include the opposite wall: it is a complete hexagon. */
+static bool is_in_hole(vec3 x, const void *context)
+{
+    const vec3 *centre = context;
+    return vec3_norm(vec3_sub(x, *centre)) < 5;
+}
+
+/* A lattice with a hole, and a triangle of side 1e-5 above the hole with a point of spacing 1e-6. That point is the
+ * nearest one of most places of the hole, where it has no cell. */
+static void a_point_of_tiny_spacing_above_a_hole_changes_no_cell(void **state)
+{
+    (void)state;
+    enum { SIDE = 20, MOST = (SIDE + 1) * (SIDE + 2) / 2 };
+    const double side = 1e-5;
+    const vec3 centre = {10, SIDE * sqrt(0.75) / 3, 0}, above = vec3_add(centre, (vec3){0, 0, 0.2});
+    scene s = {0};
+    double alone[MOST], both[MOST + 1];
+    scene_lattice_triangle(&s, (vec3){0, 0, 0}, (vec3){SIDE, 0, 0}, (vec3){10, SIDE * sqrt(0.75), 0}, SIDE);
+    scene_remove(&s, is_in_hole, &centre);
+    const size_t count = s.points;
+    scene_measure(&s, &(scene_options){.local = alone});
+    scene_triangle(&s, above, vec3_add(above, (vec3){side, 0, 0}), vec3_add(above, (vec3){0, side, 0}));
+    scene_point(&s, vec3_add(above, (vec3){0.25 * side, 0.25 * side, 0}));
+    s.spacing[count] = 0.1 * side;
+    scene_measure(&s, &(scene_options){.local = both});
+    for (size_t k = 0; k < count; k++) assert_true(fabs(alone[k] - both[k]) < 1e-9);
+    scene_free(&s);
+}
+
 static void a_plate_is_measured_on_each_of_its_walls(void **state)
 {
     (void)state;
@@ -457,6 +485,7 @@ int main(void)
         cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
         cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),
+        cmocka_unit_test(a_point_of_tiny_spacing_above_a_hole_changes_no_cell),
         cmocka_unit_test(a_plate_is_measured_on_each_of_its_walls),
         cmocka_unit_test(a_cube_with_a_square_grid_has_four_neighbours_everywhere),
         cmocka_unit_test(an_open_tube_has_ideal_measures),

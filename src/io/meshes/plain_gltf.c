@@ -201,6 +201,12 @@ static size_t bytes_of(int type)
     return t ? number_bytes(t->number) : 0;
 }
 
+/* Whether numbers of this type may be indices: an unsigned byte, short or int. */
+static bool is_index_type(int type)
+{
+    return type == 5121 || type == 5123 || type == 5125;
+}
+
 /* Reads a number of an element. e->type is valid. */
 static double element(const elements *e, size_t index, size_t component)
 {
@@ -246,6 +252,7 @@ static bool put_sparse(gltf *g, const json *sparse, const elements *like, size_t
                    .type = (int)json_number(json_member(&indices, "componentType"), 0)},
              from = *like;
     from.count = to.count;
+    if (!is_index_type(to.type)) return damaged(g, "wrong type of the sparse indices of accessor", accessor);
     if (!find_elements(g, json_number(json_member(&indices, "bufferView"), -1),
                        json_number(json_member(&indices, "byteOffset"), 0), accessor, &to) ||
         !find_elements(g, json_number(json_member(&replaced, "bufferView"), -1),
@@ -320,6 +327,18 @@ static double *read_accessor(gltf *g, double index, const char *type, size_t com
 
 /* ---- meshes and nodes */
 
+/* Reads the indices of a primitive. The caller frees them. NULL: the file is refused. */
+static double *read_indices(gltf *g, double accessor, size_t *count)
+{
+    const json *node = item_at(&g->accessors, accessor);
+    if (node && (!is_index_type((int)json_number(member(node, "componentType"), 0)) ||
+                 json_bool(member(node, "normalized"), false))) {
+        damaged(g, "the indices are not unsigned integers, in accessor", (size_t)accessor);
+        return NULL;
+    }
+    return read_accessor(g, accessor, "SCALAR", 1, count);
+}
+
 /* The corners of triangle n of a primitive, as indices in its list of corners. The odd triangles of a strip
  * have opposite orientation. */
 static void corners_of(int mode, size_t n, size_t out[3])
@@ -385,7 +404,7 @@ static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
     size_t vertices = 0, corners = 0;
     const size_t first = g->out->vertices;
     double *position = read_accessor(g, places, "VEC3", 3, &vertices),
-           *index = position && of >= 0 ? read_accessor(g, of, "SCALAR", 1, &corners) : NULL;
+           *index = position && of >= 0 ? read_indices(g, of, &corners) : NULL;
     bool ok = position && (index || of < 0);
     vec3 axis[3];
     for (int k = 0; k < 3; k++) axis[k] = affine_axis(m, k);

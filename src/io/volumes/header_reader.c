@@ -581,7 +581,7 @@ static bool find_after_extensions(answer *a, const nifti_head *h, int64_t data_b
             a, ERROR_INPUT_UNSUPPORTED,
             "its vox_offset is 0, and where its extensions end is only looked for in a file that is not "
             "packed: unpack it");
-    while (at + data_bytes < st.st_size) {
+    while (at < st.st_size - data_bytes) {
         int32_t size;
         if (at + 8 > (int64_t)h->length)
             return refuse(a, ERROR_INPUT_UNSUPPORTED,

@@ -22,6 +22,8 @@ enum { MOST_CANDIDATES = 12 };
 static const double LEAST_PART = 1e-6;
 /* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
 static const double SMALL = 2;
+/* The same for parts of triangles, as a fraction of the distance of the nearest point. Larger: more candidates. */
+static const double SMALL_OF_DISTANCE = 0.5;
 /* A large triangle of a mesh whose edges are longer than its shortest edge by this factor is divided across its
  * length. Smaller: triangles that are nearly equilateral get thin parts. */
 static const double LEAST_ELONGATION = 3;
@@ -657,6 +659,13 @@ static surroundings surroundings_at(const descent *d, vec3 centre, double radius
     return out;
 }
 
+/* Whether a part is small enough to collect its candidates. The distance bounds the division where the nearest point has
+ * a spacing much smaller than the part and no cell there. */
+static bool is_small(const surroundings *at)
+{
+    return at->radius <= fmax(SMALL * at->spacing, SMALL_OF_DISTANCE * at->nearest);
+}
+
 static double part_radius(const part *t, vec3 centroid)
 {
     double radius = 0;
@@ -699,7 +708,7 @@ static bool visit_large_part(descent *d, const part *t)
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
     if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest) && is_candidate(d->s, at.point, t->of))
         return true;
-    if (at.radius <= SMALL * at.spacing) return visit_part_nearby(d, t, centroid, &at);
+    if (is_small(&at)) return visit_part_nearby(d, t, centroid, &at);
     double length;
     const int longest = longest_edge(t, &length);
     part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
@@ -745,7 +754,7 @@ static bool visit_strip(descent *d, const strip *s, const facet *of)
     const surroundings at = surroundings_at(d, centre, radius);
     if (!voronoi_reaches(d->wanted, centre, at.radius, at.nearest) && is_candidate(d->s, at.point, of))
         return true;
-    if (at.radius <= SMALL * at.spacing || strip_length(s) < LEAST_ELONGATION * strip_width(s))
+    if (is_small(&at) || strip_length(s) < LEAST_ELONGATION * strip_width(s))
         return visit_triangles_of_strip(d, s, of);
     const strip one = {{s->first[0], s->first[1]}, {middle[0], middle[1]}},
                 other = {{middle[0], middle[1]}, {s->last[0], s->last[1]}};
