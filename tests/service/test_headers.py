@@ -463,6 +463,14 @@ def test_any_places_are_those_of_the_header(told, tmp_path, seed):
     expect_same(told(tmp_path / "s.nii"), told(tmp_path / "single.nrrd")["digest"])
 
 
+@pytest.mark.parametrize("field", ["spacings: 1 1,5 2", "spacings: 1 1.5x 2", "axis mins: 0 0 1,25", "axismaxs: 9 9 9;", "old min: 0,5"])
+def test_a_number_of_an_nrrd_header_is_read_to_its_end(told, tmp_path, field):
+    extra = [field] if field.startswith("spacings") else ["spacings: 1 1 1", field]
+    write_nrrd(tmp_path / "v.nrrd", ball(), None, extra=extra)
+    report = told(tmp_path / "v.nrrd")
+    assert report.get("code") == "input_damaged" and "which is not a number" in report["message"] and field.split(":")[0][:4] in report["message"], report
+
+
 def shorter(path, old, new):
     path.write_bytes(path.read_bytes().replace(old, new, 1))
 

@@ -121,9 +121,31 @@ static void end_collada(void *context, const char *name)
 
 /* ---- X3D */
 
+/* Refuses an attribute of numbers with a word that is none, such as "1,5": the library reads a word up to its
+ * comma. A comma may follow a number. */
+static bool check_words(document *d, const char *attribute, const char *value)
+{
+    for (const char *at = value; *(at += strspn(at, " \t\r\n"));) {
+        const size_t length = strcspn(at, " \t\r\n");
+        char *end;
+        strtod(at, &end);
+        const size_t used = (size_t)(end - at) + (*end == ',');
+        if (end == at || used != length)
+            return refuse(d, "%s has \"%.*s\", which is not a number", attribute,
+                          (int)(length < 40 ? length : 40), at);
+        at += length;
+    }
+    return true;
+}
+
 static bool begin_x3d(void *context, const char *name, const char **attributes)
 {
+    static const char *const placing[] = {"translation", "rotation", "scale", "center", "scaleOrientation"};
     document *d = context;
+    for (size_t k = 0; k < sizeof placing / sizeof *placing; k++) {
+        const char *value = xml_attribute(attributes, placing[k]);
+        if (value && !check_words(d, placing[k], value)) return false;
+    }
     const char *category = xml_attribute(attributes, "category");
     if (strcmp(name, "unit") == 0 && category && strcmp(category, "length") == 0)
         plain_mesh_warn(d->m, "the file has a unit of length: coordinates are not converted");
