@@ -246,7 +246,16 @@ def test_a_property_that_an_fbx_has_twice_is_refused_with_the_line(look, tmp_pat
     (tmp_path / "box.fbx").write_text(text)
     error = look(tmp_path / "box.fbx")
     line = text[:text.index(twice)].count("\n") + 1
-    assert error["code"] == "input_damaged" and f"line {line}" in error["message"] and '"Lcl Scaling" is there twice' in error["message"], error
+    assert error["code"] == "input_damaged" and f"line {line}" in error["message"] and 'the property "Lcl Scaling" for the second time' in error["message"], error
+
+
+@pytest.mark.parametrize("old, new", [("Vertices: *24", "Vertices: *25"), ("Vertices: *24", "Vertices: *21"), ("PolygonVertexIndex: *36", "PolygonVertexIndex: *33")])
+def test_an_array_of_an_fbx_that_is_not_what_it_declares_is_refused_with_the_line(look, tmp_path, r, old, new):
+    text = write.fbx_text([write.Part(box(r), FACES)])
+    assert old in text
+    (tmp_path / "box.fbx").write_text(text.replace(old, new))
+    error = look(tmp_path / "box.fbx")
+    assert error["code"] == "input_damaged" and f"declares {new.split('*')[1]} numbers and has {old.split('*')[1]}" in error["message"], error
 
 
 def test_a_unit_of_an_x3d_is_warned_of(look, tmp_path, r):

@@ -150,7 +150,8 @@ static bool take_skip(answer *a, const char *field, const char *value, long long
 /* Refuses a field of numbers with a word that is none, such as "1,5": Teem reads a word up to its comma. */
 static bool check_numbers(answer *a, char *line)
 {
-    static const char *const names[][2] = {{"spacings", "spacings"},  {"thicknesses", "thicknesses"},
+    static const char *const names[][2] = {{"sizes", "sizes"},        {"dimension", "dimension"},
+                                           {"spacings", "spacings"},  {"thicknesses", "thicknesses"},
                                            {"axis mins", "axismins"}, {"axis maxs", "axismaxs"},
                                            {"old min", "oldmin"},     {"old max", "oldmax"}};
     for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
