@@ -46,8 +46,10 @@ QUESTIONS = ("one_only", "twice", "contradicts", "to_its_end", "not_understood")
 
 # ---- the balls, as samples and as triangles
 
-def samples(origin=ORIGIN):
-    at = numpy.stack(numpy.meshgrid(*map(numpy.arange, SIZE), indexing="ij"), -1) * STEP + origin
+def samples(origin=ORIGIN, linear=None):
+    """`linear`: from indices to the world, in the place of STEP."""
+    index = numpy.stack(numpy.meshgrid(*map(numpy.arange, SIZE), indexing="ij"), -1)
+    at = index @ (numpy.diag(STEP) if linear is None else linear).T + origin
     return numpy.max([r - numpy.linalg.norm(at - c, axis=-1) for c, r in BALLS], axis=0)
 
 
@@ -119,7 +121,9 @@ def replaced(value, put, last=True):
 
 
 def comma(value):
-    return value.replace(".", ",", 1) if re.search(r"\d\.\d", value) else None
+    """The decimal point of the last number whose fraction is not 0."""
+    found = list(re.finditer(r"\.(?=\d*[1-9])", value)) or list(re.finditer(r"(?<=\d)\.(?=\d)", value))
+    return value[:found[-1].start()] + "," + value[found[-1].end():] if found else None
 
 
 # text of the value -> text of the changed one, or None: does not apply
@@ -634,12 +638,14 @@ def tds(rng):
             return mesh("m.3ds")
         return write
     yield "", "", case(whole)
+    def places_of(number):
+        """Chunks of the number: two bytes that are followed by a length within the file."""
+        found = [m.start() for m in re.finditer(re.escape(struct.pack("<H", number)), whole)]
+        return [k for k in found if 6 < struct.unpack_from("<I", whole, k + 2)[0] <= len(whole) - k][:2]
     numbers = {0x4110: ("count", 6, "<H"), 0x4120: ("count", 6, "<H"), 0xB020: ("count", 16, "<I"), 0xB030: ("node", 6, "<H"), 0xB010: ("parent", 17, "<H")}
     floats = {0x4110: ("vertex", 8), 0xB020: ("position", 26), 0xB022: ("scale", 26), 0xB013: ("pivot", 6)}
     for number, (field, at, kind) in numbers.items():
-        places = [m.start() for m in re.finditer(re.escape(struct.pack("<H", number)), whole)]
-        places = [k for k in places if 6 < struct.unpack_from("<I", whole, k + 2)[0] < len(whole) - k + 1]
-        for place in places[:2]:
+        for place in places_of(number):
             (value,) = struct.unpack_from(kind, whole, place + at)
             for put in {0, 1, value + 1, max(value - 1, 0), min(2 * value + 9, 65535), 65535} - {value}:
                 data = bytearray(whole)
@@ -650,10 +656,10 @@ def tds(rng):
                 struct.pack_into("<I", data, place + 2, put)
                 yield f"length of {number:04X}", f"is {put}", case(bytes(data))
     for number, (field, at) in floats.items():
-        for m in list(re.finditer(re.escape(struct.pack("<H", number)), whole))[:2]:
+        for place in places_of(number):
             for put in (numpy.nan, numpy.inf, 1e38):
                 data = bytearray(whole)
-                struct.pack_into("<f", data, m.start() + at, put)
+                struct.pack_into("<f", data, place + at, put)
                 yield field, f"is {put}", case(bytes(data))
     both = parts()
     yield "node", "for one part only", case(library_meshes.tds_bytes(both, nodes=[1]))
@@ -730,7 +736,10 @@ def vdb(rng):
         made = []
         for values, how in grids:
             grid = openvdb.FloatGrid(how.get("background", -2.0))
-            grid.copyFromArray(numpy.asarray(values).clip(-2, 2).astype("f4"), ijk=how.get("low", (0, 0, 0)))
+            held = numpy.asarray(values).clip(-2, 2).astype("f4")
+            for index, number in how.get("broken", {}).items():
+                held[index] = number
+            grid.copyFromArray(held, ijk=how.get("low", (0, 0, 0)))
             grid.transform = openvdb.createLinearTransform(how.get("matrix", matrix()).T.tolist())
             grid.name = how.get("name", "density")
             grid.gridClass = how.get("class", openvdb.GridClass.FOG_VOLUME)
@@ -744,10 +753,10 @@ def vdb(rng):
     # its own zero set is that of the balls, with the inside negative
     level_set = {"class": openvdb.GridClass.LEVEL_SET, "background": 2.0}
     shifted = matrix(ORIGIN - STEP * (3, -2, 5))
-    sheared = numpy.eye(4)
-    sheared[0, 1] = 0.25
+    sheared = matrix()
+    sheared[0, 2] = 0.1
     cases = {("transform", "is in the low corner"): [(values, {"low": (3, -2, 5), "matrix": shifted})],
-             ("transform", "has a shear"): [(values, {"matrix": matrix() @ sheared})],
+             ("transform", "has a shear"): [(samples(linear=sheared[:3, :3]), {"matrix": sheared})],
              ("class", "is level set"): [(-values, level_set)], ("class", "is unknown"): [(values, {"class": openvdb.GridClass.UNKNOWN})],
              ("class", "is staggered"): [(values, {"class": openvdb.GridClass.STAGGERED})],
              ("class", "is level set, of a density"): [(values, {**level_set, "background": -2.0})],
@@ -755,16 +764,15 @@ def vdb(rng):
              ("name", "twice"): [(values, {}), (small, {})], ("name", "twice, the second is meant"): [(small, {}), (values, {})],
              ("grids", "has another one"): [(values, {}), (small, {"name": "other"})], ("grids", "has another one first"): [(small, {"name": "other"}), (values, {})],
              ("grids", "named by the spec"): [(values, {"spec": {"grid": "density"}}), (small, {"name": "other"})],
-             ("background", "is nan"): [(values, {"background": numpy.nan})], ("background", "is inside"): [(values, {"background": 2.0})],
+             ("background", "is nan"): [(values, {"background": numpy.nan})],
              ("background", "is infinite"): [(values, {"background": -numpy.inf})]}
     for key, value in (("unit", "cm"), ("units", "inch"), ("is_local_space", True), ("file_voxel_count", 7), ("file_bbox_min", (0, 0, 0)), ("file_bbox_max", (1, 1, 1)),
                        ("file_mem_bytes", 3), ("voxel_size", 7.0), ("frobnicate", "7"), ("vector_type", "covariant"), ("is_saved_as_half_float", True)):
         cases["meta", f"{key} is {value}"] = [(values, {"meta": {key: value}})]
     for number in (numpy.nan, numpy.inf, -numpy.inf):
-        broken = values.copy()
-        broken[5, 5, 5] = number
-        cases["values", f"has {number}"] = [(broken, {})]
-        cases["values", f"has {number} in a level set"] = [(-broken, level_set)]
+        for index in ((5, 5, 5), (9, 10, 7)):  # outside of the balls and inside of one
+            cases["values", f"{number} at {index}"] = [(values, {"broken": {index: number}})]
+            cases["values", f"{number} at {index} in a level set"] = [(-values, {**level_set, "broken": {index: number}})]
     for (field, way), grids in cases.items():
         yield field, way, lambda folder, grids=grids: write(folder, grids)
     with tempfile.TemporaryDirectory() as folder:

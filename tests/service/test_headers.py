@@ -463,6 +463,14 @@ def test_any_places_are_those_of_the_header(told, tmp_path, seed):
     expect_same(told(tmp_path / "s.nii"), told(tmp_path / "single.nrrd")["digest"])
 
 
+@pytest.mark.parametrize("field", ["spacings: 1 1,5 2", "spacings: 1 1.5x 2", "axis mins: 0 0 1,25", "axismaxs: 9 9 9;", "old min: 0,5"])
+def test_a_number_of_an_nrrd_header_is_read_to_its_end(told, tmp_path, field):
+    extra = [field] if field.startswith("spacings") else ["spacings: 1 1 1", field]
+    write_nrrd(tmp_path / "v.nrrd", ball(), None, extra=extra)
+    report = told(tmp_path / "v.nrrd")
+    assert report.get("code") == "input_damaged" and "which is not a number" in report["message"] and field.split(":")[0][:4] in report["message"], report
+
+
 def shorter(path, old, new):
     path.write_bytes(path.read_bytes().replace(old, new, 1))
 
@@ -475,18 +483,29 @@ def test_bytes_behind_the_data_are_warned_of(told, tmp_path):
     assert warnings(told(tmp_path / "v.nrrd")) == []
     for old, new in ((b"sizes: 15 13 14", b"sizes: 15 13 13"), (b"sizes: 15 13 13", b"sizes: 15 12 13"), (b"sizes: 15 12 13", b"sizes: 14 12 13")):
         shorter(tmp_path / "v.nrrd", old, new)
-        assert any("bytes follow the data of" in w for w in warnings(told(tmp_path / "v.nrrd")))
+        assert any("more data follow those of" in w for w in warnings(told(tmp_path / "v.nrrd")))
+    for encoding in ("gzip", "ascii"):
+        write_nrrd(tmp_path / "v.nrrd", ball(), MATRIX, encoding)
+        assert warnings(told(tmp_path / "v.nrrd")) == []
+        shorter(tmp_path / "v.nrrd", b"sizes: 15 13 14", b"sizes: 15 13 13")
+        assert any("more data follow those of" in w for w in warnings(told(tmp_path / "v.nrrd"))), encoding
+    write_nifti(tmp_path / "v.nii.gz", ball(), MATRIX)
+    assert warnings(told(tmp_path / "v.nii.gz")) == []
+    raw = bytearray(gzip.decompress((tmp_path / "v.nii.gz").read_bytes()))
+    struct.pack_into("<h", raw, 46, 13)
+    (tmp_path / "v.nii.gz").write_bytes(gzip.compress(raw))
+    assert any("more data follow those of" in w for w in warnings(told(tmp_path / "v.nii.gz")))
     write_meta_image(tmp_path / "v.mha", ball(), MATRIX)
     assert warnings(told(tmp_path / "v.mha")) == []
     shorter(tmp_path / "v.mha", b"DimSize = 15 13 14", b"DimSize = 15 13 12")
-    assert any("1560 bytes follow the data of 15 x 13 x 12" in w for w in warnings(told(tmp_path / "v.mha")))
+    assert any("more data follow those of 15 x 13 x 12" in w for w in warnings(told(tmp_path / "v.mha")))
     for version, at, kind in ((1, 46, "<h"), (2, 40, "<q")):
         write_nifti(tmp_path / "v.nii", ball(), MATRIX, version=version)
         assert warnings(told(tmp_path / "v.nii")) == []
         raw = bytearray((tmp_path / "v.nii").read_bytes())
         struct.pack_into(kind, raw, at, 13)
         (tmp_path / "v.nii").write_bytes(raw)
-        assert any("bytes follow the data of 15 x 13 x 13" in w for w in warnings(told(tmp_path / "v.nii")))
+        assert any("more data follow those of 15 x 13 x 13" in w for w in warnings(told(tmp_path / "v.nii")))
 
 
 @pytest.mark.parametrize("version, at", [(1, 72), (2, 14)])

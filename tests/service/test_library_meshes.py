@@ -218,6 +218,46 @@ def test_a_part_of_an_x3d_is_used_again_and_a_switch_chooses(look, tmp_path, r):
     assert_corners(look(tmp_path / "box.x3d"), [write.Part(part.vertices + (50, 0, 0), FACES)])
 
 
+@pytest.mark.parametrize("text, is_read", [("1 0 0", True), ("1, 0, 0", True), (" 1\t0  0 ", True), ("0,5 0 0", False), ("1.5x 0 0", False), ("1 0", False)])
+def test_numbers_of_an_x3d_are_read_to_their_end(look, tmp_path, r, text, is_read):
+    part = write.Part(box(r), FACES)
+    (tmp_path / "box.x3d").write_text(write.x3d_text([], scene=f'<Transform translation="{text}">{write.x3d_shape(part)}</Transform>'))
+    found = look(tmp_path / "box.x3d")
+    if is_read:
+        assert_corners(found, [write.Part(part.vertices + (1, 0, 0), FACES)])
+    else:
+        assert found["code"] == "input_damaged" and "translation" in found["message"], found
+
+
+@pytest.mark.parametrize("old, new, words", [('count="12"', 'count="11"', "declares 11 triangles"), ('count="24"', 'count="23"', "declares 23 numbers and has 24"),
+                                             ('count="8"', 'count="8x"', 'is "8x"'), ("<scale>", "<scale>7 ", "has 4 numbers and not 3"),
+                                             ('<p>', '<p>0,5 ', '"0,5"'), ('count="12"', 'count="12" count="12"', "not valid XML")])
+def test_a_collada_that_its_data_contradict_is_refused_with_the_line(look, tmp_path, r, old, new, words):
+    text = write.collada_text([write.Part(box(r), FACES)])
+    assert old in text
+    (tmp_path / "box.dae").write_text(text.replace(old, new))
+    error = look(tmp_path / "box.dae")
+    assert error["code"] == "input_damaged" and words in error["message"] and "line 2" in error["message"], error
+
+
+def test_a_property_that_an_fbx_has_twice_is_refused_with_the_line(look, tmp_path, r):
+    twice = write.fbx_property("Lcl Scaling", "Lcl Scaling", 2, 2, 2)
+    text = write.fbx_text([write.Part(box(r), FACES)], properties=[[twice]])
+    (tmp_path / "box.fbx").write_text(text)
+    error = look(tmp_path / "box.fbx")
+    line = text[:text.index(twice)].count("\n") + 1
+    assert error["code"] == "input_damaged" and f"line {line}" in error["message"] and 'the property "Lcl Scaling" for the second time' in error["message"], error
+
+
+@pytest.mark.parametrize("old, new", [("Vertices: *24", "Vertices: *25"), ("Vertices: *24", "Vertices: *21"), ("PolygonVertexIndex: *36", "PolygonVertexIndex: *33")])
+def test_an_array_of_an_fbx_that_is_not_what_it_declares_is_refused_with_the_line(look, tmp_path, r, old, new):
+    text = write.fbx_text([write.Part(box(r), FACES)])
+    assert old in text
+    (tmp_path / "box.fbx").write_text(text.replace(old, new))
+    error = look(tmp_path / "box.fbx")
+    assert error["code"] == "input_damaged" and f"declares {new.split('*')[1]} numbers and has {old.split('*')[1]}" in error["message"], error
+
+
 def test_a_unit_of_an_x3d_is_warned_of(look, tmp_path, r):
     parts = boxes(r, 2)
     (tmp_path / "box.x3d").write_text(write.x3d_text(parts, '<unit category="length" name="inch" conversionFactor="0.0254"/>'))

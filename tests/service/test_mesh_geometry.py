@@ -258,3 +258,17 @@ def test_displaced_vertices_take_no_level_set(solve, tmp_path, seed):
 def test_a_case_is_the_same_for_the_same_seed():
     first, again = damaged_meshes.make(7)[0], damaged_meshes.make(7)[0]
     assert first.faces == again.faces and json.dumps([list(v) for v in first.vertices]) == json.dumps([list(v) for v in again.vertices])
+
+
+@pytest.mark.parametrize("apart", [1e6, 5e7, 1e9])
+def test_parts_that_lie_far_apart_are_sampled(worker, tmp_path, apart):
+    """Memory follows the edges of the triangles, not the extent of the mesh."""
+    vertices, faces = damaged_meshes.icosphere(2)
+    both = numpy.concatenate([vertices, numpy.array(vertices) + (apart, -apart, 0)])
+    write_obj(File([*both], [*faces, *((numpy.array(faces) + len(vertices)).tolist())]), tmp_path / "m.obj")
+    done = worker(spec(tmp_path / "m.obj", max_sweeps=2))
+    assert done.returncode in (0, 10, 11), done.stderr
+    surface = json.loads((tmp_path / "out/report.json").read_text())["surface"]
+    one = numpy.array(vertices)[numpy.array(faces)]
+    area = numpy.linalg.norm(numpy.cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]), axis=1).sum() / 2
+    assert surface["area"] == pytest.approx(2 * area, rel=1e-6) and surface["mesh"]["open_edges"] == 0

@@ -271,7 +271,8 @@ def test_tags_that_are_not_used(told, plain, tmp_path):
     expect_same(told(tmp_path / "v.tif", voxel_size=VOXEL), plain(), "1 pages of reduced resolution")
 
 
-PAGES_THAT_DIFFER = {"Orientation": (274, 3, "page 5 has the Orientation 3, and page 0 has 1"),
+PAGES_THAT_DIFFER = {"FillOrder": (266, 2, "page 5 has the FillOrder 2, and page 0 has 1"),
+                     "Orientation": (274, 3, "page 5 has the Orientation 3, and page 0 has 1"),
                      "WhiteIsZero": (262, 0, "PhotometricInterpretation of page 5 is WhiteIsZero"),
                      "SampleFormat": (339, 2, "page 5 has 15 x 13 pixels of 16 bits (signed integers)")}
 

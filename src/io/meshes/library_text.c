@@ -121,9 +121,31 @@ static void end_collada(void *context, const char *name)
 
 /* ---- X3D */
 
+/* Refuses an attribute of numbers with a word that is none, such as "1,5": the library reads a word up to its
+ * comma. A comma may follow a number. */
+static bool check_words(document *d, const char *attribute, const char *value)
+{
+    for (const char *at = value; *(at += strspn(at, " \t\r\n"));) {
+        const size_t length = strcspn(at, " \t\r\n");
+        char *end;
+        strtod(at, &end);
+        const size_t used = (size_t)(end - at) + (*end == ',');
+        if (end == at || used != length)
+            return refuse(d, "%s has \"%.*s\", which is not a number", attribute,
+                          (int)(length < 40 ? length : 40), at);
+        at += length;
+    }
+    return true;
+}
+
 static bool begin_x3d(void *context, const char *name, const char **attributes)
 {
+    static const char *const placing[] = {"translation", "rotation", "scale", "center", "scaleOrientation"};
     document *d = context;
+    for (size_t k = 0; k < sizeof placing / sizeof *placing; k++) {
+        const char *value = xml_attribute(attributes, placing[k]);
+        if (value && !check_words(d, placing[k], value)) return false;
+    }
     const char *category = xml_attribute(attributes, "category");
     if (strcmp(name, "unit") == 0 && category && strcmp(category, "length") == 0)
         plain_mesh_warn(d->m, "the file has a unit of length: coordinates are not converted");
@@ -152,7 +174,29 @@ static bool is_there(const char *first, const char *last, const char *name, size
     return false;
 }
 
-/* Refuses text in which a list of properties has one of them twice. */
+/* Checks that an array of text, "Vertices: *24 {" and "a: 1,2,..." in the next line, has the numbers that it
+ * declares. Other lines are accepted. */
+static bool check_array(const char *data, const char *line, plain_mesh *m)
+{
+    const size_t length = strcspn(line, "\n");
+    const char *star = memchr(line, '*', length), *at = star ? line + length : NULL, *values;
+    char *end;
+    size_t count = 1;
+    if (!star || star - line < 2 || strncmp(star - 2, ": ", 2) != 0) return true;
+    const size_t declared = strtoull(star + 1, &end, 10);
+    at += strspn(at, " \t\r\n");
+    if (end[strspn(end, " \t")] != '{' || strncmp(at, "a:", 2) != 0) return true;
+    values = at + 2;
+    const char *last = values + strcspn(values, "}");
+    for (at = values; (at = memchr(at, ',', (size_t)(last - at))); at++) count++;
+    if (values + strspn(values, " \t\r\n") == last) count = 0;
+    return count == declared ||
+           plain_mesh_refuse_line(m, data, line,
+                                  "of the FBX file has an array that declares %zu numbers and has %zu",
+                                  declared, count);
+}
+
+/* Refuses text in which a list of properties has one of them twice, or an array that is not what it declares. */
 static bool check_fbx(const char *data, plain_mesh *m)
 {
     const char *first = data; /* of the list */
@@ -161,11 +205,13 @@ static bool check_fbx(const char *data, plain_mesh *m)
         const char *name = property_of(at);
         if (!name) {
             first = at;
+            if (!check_array(data, at, m)) return false;
             continue;
         }
         const size_t length = strcspn(name, "\"\n");
         if (name[length] == '"' && is_there(first, at, name, length))
-            return plain_mesh_refuse_line(m, data, at, "the property \"%.*s\" is there twice",
+            return plain_mesh_refuse_line(m, data, at,
+                                          "of the FBX file has the property \"%.*s\" for the second time",
                                           (int)(length < 60 ? length : 60), name);
     }
     return true;

@@ -133,7 +133,7 @@ static bool refuse(const off *o, const char *data, const char *what, long long n
         return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                  "%s, at byte %zu, is not read: it is damaged or truncated. Save it again.",
                                  text, (size_t)(o->at - data));
-    return plain_mesh_refuse_line(out, data, o->at, "%s is damaged, or is not what its header declares",
+    return plain_mesh_refuse_line(out, data, o->at, "(%s) is damaged, or is not what the header declares",
                                   text);
 }
 

@@ -147,6 +147,31 @@ static bool take_skip(answer *a, const char *field, const char *value, long long
     return true;
 }
 
+/* Refuses a field of numbers with a word that is none, such as "1,5": Teem reads a word up to its comma. */
+static bool check_numbers(answer *a, char *line)
+{
+    static const char *const names[][2] = {{"sizes", "sizes"},        {"dimension", "dimension"},
+                                           {"spacings", "spacings"},  {"thicknesses", "thicknesses"},
+                                           {"axis mins", "axismins"}, {"axis maxs", "axismaxs"},
+                                           {"old min", "oldmin"},     {"old max", "oldmax"}};
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+        const char *at = field_of(line, names[k][0], names[k][1]);
+        while (at && *(at += strspn(at, " \t"))) {
+            char *end;
+            const int length = (int)strcspn(at, " \t");
+            strtod(at, &end);
+            if (end != at + length)
+                return refuse(
+                    a, ERROR_INPUT_DAMAGED,
+                    "its field %s has \"%.*s\", which is not a number: write numbers with a decimal "
+                    "point",
+                    names[k][0], length < 40 ? length : 40, at);
+            at = end;
+        }
+    }
+    return true;
+}
+
 /* Removes the fields that locate the data: Teem opens the data files and skips bytes even if only the
  * header is requested. Also removes fields that are parsed without Teem, and refuses lines that exceed
  * its buffers. */
@@ -177,6 +202,7 @@ static bool take_places(answer *a, char *text, char *rest)
                 return refuse(a, ERROR_INPUT_DAMAGED,
                               "a field of its header has %zu characters, and at most %d are read: \"%.40s\"",
                               length, FIELD_MAX, line);
+            if (!check_numbers(a, line)) return false;
             rest = stpcpy(stpcpy(rest, line), "\n");
         }
     }

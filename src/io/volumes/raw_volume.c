@@ -26,14 +26,15 @@ typedef struct raw_volume {
     volume_header head;
     const char *path;
     const slices_files *files;
-    int fd;             /* descriptor of the header's file, owned by the caller */
-    char *text;         /* names of the data files, as one text */
-    char **names;       /* address of each name in `text` */
-    uint32_t at;        /* index of the open data file */
-    int64_t left;       /* number of values left in the open file */
-    int data;           /* descriptor of the open data file, or -1 */
-    inflated *unpacked; /* decompressor; NULL: the data are not packed */
-    int64_t offset;     /* offset of the next byte of data that are not packed */
+    int fd;               /* descriptor of the header's file, owned by the caller */
+    char *text;           /* names of the data files, as one text */
+    char **names;         /* address of each name in `text` */
+    uint32_t at;          /* index of the open data file */
+    int64_t left;         /* number of values left in the open file */
+    int data;             /* descriptor of the open data file, or -1 */
+    inflated *unpacked;   /* decompressor; NULL: the data are not packed */
+    int64_t offset;       /* offset of the next byte of the data, after they are unpacked */
+    int64_t packed_begin; /* offset of packed data in their file */
     size_t filled, used;
     char buffer[BUFFER + 16];
 } raw_volume;
@@ -123,6 +124,7 @@ static void start_unpacking(raw_volume *s)
 {
     if (s->head.encoding != VOLUME_HEADER_GZIP) return;
     s->unpacked = inflated_new(s->data, s->offset);
+    s->packed_begin = s->offset;
     s->offset = 0;
 }
 
@@ -332,19 +334,42 @@ static bool choose_volume(raw_volume *s, int64_t index, error *e)
     return true;
 }
 
-/* Adds a warning if more bytes than those of a line break follow the data of the open file: a size in the
- * header may be too small. `volumes`: from the chosen one on. */
-static void note_more_bytes(raw_volume *s, int64_t volumes)
+/* Bytes that follow the first `bytes` of packed data, by the length at the end of a gzip file; 0: unknown. This
+ * length is modulo 2^32, and in a file of several members it is that of the last one. */
+static int64_t more_packed_bytes(const raw_volume *s, int64_t bytes, int64_t file_bytes)
+{
+    unsigned char magic[2], end[4];
+    if (bytes > INT32_MAX || pread(s->data, magic, 2, (off_t)s->packed_begin) != 2 || magic[0] != 0x1F ||
+        magic[1] != 0x8B || pread(s->data, end, 4, (off_t)file_bytes - 4) != 4)
+        return 0;
+    const int64_t length = end[0] | (int64_t)end[1] << 8 | (int64_t)end[2] << 16 | (int64_t)end[3] << 24;
+    return length > bytes ? length - bytes : 0;
+}
+
+/* Whether a word follows `values` words of the open file. Moves behind them. */
+static bool has_more_words(raw_volume *s, int64_t values)
+{
+    char word[64];
+    while (values-- > 0)
+        if (!next_word(s, word)) return false;
+    return next_word(s, word);
+}
+
+/* Adds a warning if more than a line break follows the data of the open file: a size in the header may be too
+ * small. `volumes`: from the chosen one on. Moves in the file. */
+static void note_more_data(raw_volume *s, int64_t volumes)
 {
     struct stat st;
-    if (s->head.encoding != VOLUME_HEADER_RAW || fstat(s->data, &st) != 0) return;
-    const int64_t more = st.st_size - s->offset - volumes * s->left * size_of(&s->head);
-    if (more <= 2) return;
-    dense_warn(
-        &s->base.warnings,
-        "%lld bytes follow the data of %lld x %lld x %lld samples, and are not read. Compare the sizes "
-        "in the header with the data.",
-        (long long)more, (long long)s->head.size[0], (long long)s->head.size[1], (long long)s->head.size[2]);
+    if (fstat(s->data, &st) != 0) return;
+    const int64_t end = s->offset + volumes * s->left * size_of(&s->head);
+    const bool follows = s->head.encoding == VOLUME_HEADER_ASCII  ? has_more_words(s, s->left)
+                         : s->head.encoding == VOLUME_HEADER_GZIP ? more_packed_bytes(s, end, st.st_size) > 2
+                                                                  : st.st_size - end > 2;
+    if (!follows) return;
+    dense_warn(&s->base.warnings,
+               "more data follow those of %lld x %lld x %lld samples, and are not read. Compare the sizes in "
+               "the header with the data.",
+               (long long)s->head.size[0], (long long)s->head.size[1], (long long)s->head.size[2]);
 }
 
 /* Adds a warning if the length of the data in the header differs from that of the file. Whether all values
@@ -380,7 +405,7 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
         dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
     s->base.fine = numbers_need_doubles((number_type)s->head.type);
     note_length(s);
-    note_more_bytes(s, s->base.volumes - (index > 0 ? index : 0));
+    note_more_data(s, s->base.volumes - (index > 0 ? index : 0));
     return &s->base;
 }
 

@@ -31,7 +31,7 @@ static const size_t most_pages = 1 << 20;
 typedef struct layout {
     uint32_t width, height;
     uint16_t bits, format, compression; /* compressions may differ */
-    uint16_t orientation;
+    uint16_t orientation, fill_order;
     bool white_is_zero; /* large numbers are dark */
     /* where the pixels are: the tags of resolution and position; 0: absent */
     float placing[4];
@@ -211,6 +211,7 @@ static bool read_layout(tiff_file *f, size_t page, layout *out)
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_IMAGEDEPTH, &depth);
     TIFFGetField(f->tiff, TIFFTAG_PHOTOMETRIC, &photometric);
     TIFFGetFieldDefaulted(f->tiff, TIFFTAG_ORIENTATION, &out->orientation);
+    TIFFGetFieldDefaulted(f->tiff, TIFFTAG_FILLORDER, &out->fill_order);
     out->white_is_zero = photometric == PHOTOMETRIC_MINISWHITE;
     if (out->format == SAMPLEFORMAT_VOID) out->format = SAMPLEFORMAT_UINT;
     if (out->width == 0 || out->height == 0) return damaged(f, "a page has no pixels");
@@ -239,7 +240,8 @@ static bool read_layout(tiff_file *f, size_t page, layout *out)
 static bool is_same(const layout *a, const layout *b)
 {
     return a->width == b->width && a->height == b->height && a->bits == b->bits && a->format == b->format &&
-           a->orientation == b->orientation && a->white_is_zero == b->white_is_zero;
+           a->orientation == b->orientation && a->fill_order == b->fill_order &&
+           a->white_is_zero == b->white_is_zero;
 }
 
 /* Refuses the page if its numbers do not have the meaning of those of page 0. */
@@ -259,6 +261,10 @@ static bool check_page(tiff_file *f, size_t page, const layout *own)
             f, ERROR_INPUT_UNSUPPORTED,
             "page %zu has the Orientation %u, and page 0 has %u: save all pages with one Orientation", page,
             own->orientation, first->orientation);
+    if (own->fill_order != first->fill_order)
+        return refuse(f, ERROR_INPUT_UNSUPPORTED,
+                      "page %zu has the FillOrder %u, and page 0 has %u: save all pages with one FillOrder",
+                      page, own->fill_order, first->fill_order);
     if (own->white_is_zero != first->white_is_zero)
         return refuse(
             f, ERROR_INPUT_UNSUPPORTED,
@@ -662,6 +668,7 @@ static void describe(const tiff_file *f, tiff_answer *a)
     memcpy(a->origin, d->origin, sizeof a->origin);
     memcpy(a->unit, f->unit, sizeof a->unit);
     a->orientation = f->layout.orientation;
+    a->fill_order = f->layout.fill_order;
     a->white_is_zero = f->layout.white_is_zero;
     a->warnings = f->warnings;
 }

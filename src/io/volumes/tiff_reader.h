@@ -33,7 +33,7 @@ typedef struct tiff_answer {
     double size[3];                               /* of a voxel; 0: unknown */
     double origin[3];                             /* the pixel at the origin of the world */
     char unit[TIFF_UNIT_SIZE];                    /* of size; "": unknown */
-    uint32_t orientation;                         /* the tag Orientation, of all pages */
+    uint32_t orientation, fill_order;             /* the tags Orientation and FillOrder, of all pages */
     uint32_t white_is_zero; /* 1: PhotometricInterpretation of all pages is WhiteIsZero */
     dense_warnings warnings;
 } tiff_answer;

@@ -112,7 +112,8 @@ static bool is_alike(const tiff_answer *a, const tiff_answer *b)
 
 static bool is_shown_alike(const tiff_answer *a, const tiff_answer *b)
 {
-    return a->orientation == b->orientation && a->white_is_zero == b->white_is_zero;
+    return a->orientation == b->orientation && a->fill_order == b->fill_order &&
+           a->white_is_zero == b->white_is_zero;
 }
 
 static const char *base_name(const char *path)
@@ -274,10 +275,11 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
     if (is_alike(&a, &s->head) && !is_shown_alike(&a, &s->head))
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
-            "%s: Orientation and WhiteIsZero of the image are %u and %s, and those of %s are %u and %s: save "
-            "all images with the same",
-            s->params.paths[k], a.orientation, a.white_is_zero ? "set" : "not set", s->params.paths[0],
-            s->head.orientation, s->head.white_is_zero ? "set" : "not set");
+            "%s: Orientation, FillOrder and WhiteIsZero of the image are %u, %u and %s, and those of %s are %u, "
+            "%u and %s: save all images with the same",
+            s->params.paths[k], a.orientation, a.fill_order, a.white_is_zero ? "set" : "not set",
+            s->params.paths[0], s->head.orientation, s->head.fill_order,
+            s->head.white_is_zero ? "set" : "not set");
     if (!s->is_size_warned &&
         (memcmp(a.size, s->head.size, sizeof a.size) != 0 || strcmp(a.unit, s->head.unit) != 0)) {
         dense_warn(&s->head.warnings,

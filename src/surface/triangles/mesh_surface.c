@@ -783,13 +783,23 @@ static bool index_pieces(mesh_surface *s, error *e)
     return s->divided_before != NULL;
 }
 
+static double longest_edge(const mesh *m)
+{
+    double most = 0;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            most = fmax(most, vec3_norm2(vec3_sub(m->vertex[m->triangle[n][k]],
+                                                  m->vertex[m->triangle[n][(k + 1) % 3]])));
+    return sqrt(most);
+}
+
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
 {
     const mesh *m = &s->mesh.m;
     const cutting c = {longest, mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
-    /* the pieces along the longest side alone would exceed the limit: refused before the recursion goes so
+    /* the pieces along the longest edge alone would exceed the limit: refused before the recursion goes so
      * deep */
-    if (bbox_longest(mesh_box(m, NULL)) / longest > (double)c.most) return refuse_pieces(&c, e);
+    if (longest_edge(m) / longest > (double)c.most) return refuse_pieces(&c, e);
     for (uint32_t n = 0; n < m->triangle_count; n++) {
         const piece all = whole_triangle(n);
         const uint32_t *t = m->triangle[n];
