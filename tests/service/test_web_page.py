@@ -6,6 +6,7 @@ All tests share one browser. Most tests share one daemon, or one daemon whose wo
 import datetime
 import json
 import signal
+import socket
 import subprocess
 import threading
 
@@ -659,6 +660,18 @@ def test_the_bar_of_an_array_has_its_frames_by_state(gated, browser):
         gated.open_gate(f"{job}.{frame}")
     gated.open_gate(after)
     gated.wait_state(after, "succeeded")
+
+
+def test_an_administrator_sees_what_runs_on_each_host(closed_service, browser, tmp_path):
+    closed_service.end()
+    closed_service.start("--worker", gated_worker(tmp_path))
+    sign_in(browser, closed_service, secret=closed_service.token)
+    browser.press("Service", "header")
+    browser.wait_text("Nothing runs", "main")
+    job = with_token(closed_service, closed_service.token, "POST", "/v1/jobs", sphere(solver={"threads": 1})).json["id"]
+    wait_until(lambda: browser.texts(".hosts tbody td")[:3] == [socket.gethostname(), "1", "1"], "the attempt on this host")
+    closed_service.open_gate(job)
+    browser.wait_text("Nothing runs", "main")
 
 
 def test_an_administrator_sees_what_users_hold(closed_service, browser):
