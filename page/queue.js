@@ -14,6 +14,9 @@ const TYPED_MS = 150;
 /** The service counts no more jobs ahead of a job than these. */
 const AHEAD_MOST = 100;
 
+/** Between the bar of the queue and what is scrolled below it. */
+const BAR_GAP_PX = 8;
+
 /** Columns by which the service sorts, and in which direction first. */
 const COLUMNS = [["name", "Job", ""], ["state", "State", ""], ["owner", "Owner", ""], ["priority", "Priority", "-"], ["created", "Submitted", "-"]];
 const NEWEST = "-created";
@@ -157,6 +160,18 @@ function Load({load, workers, checks, admin, now, onChange}) {
 /** All of the page may be chosen here; two jobs with results may be compared by everyone. */
 function Actions({jobs, chosen, mayChange, onChooseAll, onDone}) {
   const [errors, setErrors] = useState([]);
+  const bar = useRef(null);
+  useEffect(() => { // what gets the focus is scrolled to a place below the bar, whose height depends on the width
+    const {style} = document.documentElement;
+    const watcher = new ResizeObserver(() => {
+      style.scrollPaddingTop = `${bar.current.offsetHeight + BAR_GAP_PX}px`;
+    });
+    watcher.observe(bar.current);
+    return () => {
+      watcher.disconnect();
+      style.scrollPaddingTop = "";
+    };
+  }, []);
   const [run, , busy] = useAction(async (method, path, body) => {
     setErrors(await forEach(chosen, job => call(method, `v1/jobs/${job.id}${path}`, body)));
     onDone();
@@ -167,7 +182,7 @@ function Actions({jobs, chosen, mayChange, onChooseAll, onDone}) {
   };
   const remove = () => confirm(`Delete ${chosen.length} jobs and their results?`) && run("DELETE", "");
   const button = (word, path) => html`<button disabled=${busy || !chosen.length} onClick=${() => run("POST", path)}>${word}</button>`;
-  return html`<div class="actions" role="toolbar" aria-label="Selected jobs">
+  return html`<div class="actions" ref=${bar} role="toolbar" aria-label="Selected jobs">
     <label class="all"><input type="checkbox" aria-label="Select all" checked=${chosen.length > 0 && chosen.length === jobs.length}
       onChange=${e => onChooseAll(e.target.checked)} /><span role="status">${chosen.length} selected</span></label>
     ${mayChange && html`${button("Cancel", "/cancel")}${button("Pause", "/pause")}${button("Resume", "/resume")}${button("Retry", "/retry")}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For administrators: what each user holds and uses.
+// For administrators: what each user holds and uses, and what runs on each host.
 import {html, useEffect, useState} from "./preact.js";
 import {get} from "./api.js";
 import {Trouble, useTitle} from "./parts.js";
@@ -19,6 +19,16 @@ function usersOf({users}, workers) {
   return [...all.values()];
 }
 
+/** Hosts of running attempts: {host, attempts, threads, memory_mb}. */
+function hostsOf(workers) {
+  const all = new Map();
+  for (const {host, threads, memory_mb} of workers) {
+    const sums = all.get(host) || {host, attempts: 0, threads: 0, memory_mb: 0};
+    all.set(host, {host, attempts: sums.attempts + 1, threads: sums.threads + threads, memory_mb: sums.memory_mb + memory_mb});
+  }
+  return [...all.values()].sort((a, b) => (a.host ?? "\uffff").localeCompare(b.host ?? "\uffff"));
+}
+
 export function Service() {
   const [found, setFound] = useState(null);
   const [error, setError] = useState(null);
@@ -36,6 +46,8 @@ export function Service() {
     <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td>
     <td class="number">${limited(results, most, countOf)}</td><td class="number">${limited(bytes, limit, bytesOf)}</td>
     <td><a href=${`#/?owner=${encodeURIComponent(user)}`}>Jobs</a></td></tr>`;
+  const hostRow = ({host, attempts, threads, memory_mb: memory}) => html`<tr><td>${host ?? html`<span class="dim">not known yet</span>`}</td>
+    <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td></tr>`;
   return html`<h1>Service</h1><${Trouble} error=${error} />
     ${!found ? !error && html`<p class="loading" role="status">Loading …</p>` : html`
       ${found.usage.full && html`<p class="notice">The results of all jobs have reached a limit: submissions are refused. Download or delete results.</p>`}
@@ -43,5 +55,8 @@ export function Service() {
         <th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th>
         <th scope="col" class="number">Results</th><th scope="col" class="number">Disk</th><th scope="col"><span class="hidden">Jobs</span></th></tr></thead>
         <tbody>${usersOf(found.usage, found.workers).map(row)}</tbody></table></div>
-      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>`}`;
+      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>
+      <h2>Hosts</h2>${found.workers.length === 0 ? html`<p class="dim">Nothing runs.</p>` : html`<div class="scroll" tabindex="0" role="region" aria-label="Hosts"><table class="hosts"><thead><tr>
+        <th scope="col">Host</th><th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th></tr></thead>
+        <tbody>${hostsOf(found.workers).map(hostRow)}</tbody></table></div>`}`}`;
 }

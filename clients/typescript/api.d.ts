@@ -167,6 +167,11 @@ export type Workers = {
     started: string | null;
     threads: number;
     memory_mb: number;
+    /**
+     * Where the worker runs. null: it has not started, its host is not known yet, or the job belongs to
+     * another user.
+     */
+    host: string | null;
   })[];
 };
 

@@ -182,6 +182,8 @@ def test_readers_see_of_the_jobs_of_others_what_the_list_says(closed_service, tm
 
     wait_until(lambda: "MARKER" in texts(alice)[1], "progress")
     running = texts(bob)
+    hosts = [with_token(service, token, "GET", "/v1/workers").json["workers"][0]["host"] for token in (alice, bob)]
+    assert hosts == [socket.gethostname(), None]
     service.open_gate(job)
     wait_until(lambda: "MARKER.vdb" in texts(alice)[1], "the end")
     for text in running + texts(bob):

@@ -3,6 +3,7 @@
 import json
 import re
 import resource
+import socket
 import subprocess
 import threading
 
@@ -307,8 +308,9 @@ def test_attempts_and_log(service):
 def test_workers(gated):
     job = gated.submit(sphere(name="busy"))
     gated.wait_worker(job)
-    seen = gated.get("/v1/workers").json
-    assert [(w["job"], w["name"]) for w in seen["workers"]] == [(job, "busy")]
+    # the daemon may have not yet noticed that the worker has started
+    seen = wait_until(lambda: (found := gated.get("/v1/workers").json)["workers"][0]["host"] and found, "the host")
+    assert [(w["job"], w["name"], w["host"]) for w in seen["workers"]] == [(job, "busy", socket.gethostname())]
     assert seen["load"]["attempts"] == 1 == seen["load"]["attempts_limit"]
 
 

@@ -63,6 +63,8 @@ def test_attempts_run_on_without_the_daemon(slurm, new_farm, gate, number):
     ends, goes_on = farm.submit(sphere()), farm.submit(sphere(201))
     for job in (ends, goes_on):
         wait_running(slurm, farm, job)
+    hosts = wait_until(lambda: all(found := [w["host"] for w in farm.get("/v1/workers").json["workers"]]) and found, "their hosts")
+    assert sorted(hosts) == sorted(slurm.jobs("%N"))
     slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
     waits = farm.submit(sphere(202))
     wait_until(lambda: "PENDING" in slurm.jobs("%T"), "a job that waits in Slurm")

@@ -6,6 +6,7 @@ All tests share one browser. Most tests share one daemon, or one daemon whose wo
 import datetime
 import json
 import signal
+import socket
 import subprocess
 import threading
 
@@ -76,8 +77,10 @@ def test_a_token_signs_in(closed_service, browser):
     assert "New job" not in browser.text("header")  # this token may not submit
     seen = browser.run("return document.cookie + JSON.stringify({...localStorage})")
     assert secret not in seen and "hexad_" not in seen
+    assert browser.run("return document.activeElement.id") == "main"  # the focus of the form is not lost
     browser.press("Sign out")
     browser.wait_text("Your token")
+    wait_until(lambda: browser.run("return document.activeElement.id") == "token", "the focus in the form")
 
 
 def test_a_revoked_token_ends_the_session(closed_service, browser):
@@ -94,6 +97,10 @@ def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser
     browser.command("Network.clearBrowserCookies")  # as at the end of the session
     # nobody touches the page: the first event behind the end tells it
     wait_until(lambda: with_token(closed_service, secret, "POST", "/v1/jobs", sphere()) and browser.all("#token"), "the form")
+    wait_until(lambda: browser.run("return document.activeElement.id") == "token", "the focus in the form")
+    browser.keys(secret, Keys.ENTER)  # by the keyboard alone
+    browser.one("header")
+    wait_until(lambda: browser.run("return document.activeElement.id") == "main", "the focus in the view")
 
 
 def test_the_queue_follows_what_happens(gated, browser):
@@ -342,6 +349,67 @@ def test_buttons_for_selected_jobs_stay_in_sight(gated, browser):
     seen = browser.run("""const button = document.querySelector(".actions button"), {left, top, width, height} = button.getBoundingClientRect();
         return button.contains(document.elementFromPoint(left + width / 2, top + height / 2));""")
     assert seen, "the first button lies outside of the window or under something"
+
+
+# Whether something covers the middle of what has the focus; null: it lies outside of the window.
+COVERED = """
+  const e = document.activeElement, {left, right, top, bottom} = e.getBoundingClientRect();
+  if (bottom <= 0 || top >= innerHeight) return null;
+  const found = document.elementFromPoint(Math.min(left + 4, (left + right) / 2), (Math.max(top, 0) + Math.min(bottom, innerHeight)) / 2);
+  return !(e.contains(found) || found && found.contains(e) && !found.closest(".actions"));
+"""
+
+
+@pytest.mark.parametrize("width", [800, 390])
+def test_focus_is_never_behind_the_bar(gated, browser, width):
+    for number in range(20):
+        gated.submit(sphere(name=f"job {number}"))
+    browser.command("Emulation.setDeviceMetricsOverride", width=width, height=500, deviceScaleFactor=1, mobile=False)
+    try:
+        browser.open(gated)
+        wait_until(lambda: len(browser.all("tbody tr")) == 20, "all rows")
+        browser.one("tbody tr:nth-child(20) input").click()
+        browser.wait_text("1 selected", ".actions")
+        seen = []
+        for _ in range(80):  # upwards: what gets the focus is at the top of the window
+            browser.chord(Keys.SHIFT, Keys.TAB)
+            seen.append(browser.run("const e = document.activeElement; return [e.innerText || e.ariaLabel || e.tagName, Boolean(e.closest('tbody'))]"))
+            assert browser.run(COVERED) is False, seen[-3:]
+            if not seen[-1][1]:
+                break
+        assert len(seen) > 30 and not seen[-1][1]
+    finally:
+        browser.command("Emulation.clearDeviceMetricsOverride")
+
+
+# Stands for the notifications of the browser, which no test can see.
+NOTIFIED = """
+  window.notified = [];
+  window.Notification = class {
+    constructor(text) { window.notified.push(text); }
+    static async requestPermission() { window.asked = (window.asked || 0) + 1; return window.answer; }
+  };
+  window.answer = "granted";
+"""
+
+
+def test_a_notification_comes_at_the_end_if_it_was_permitted(gated, browser):
+    jobs = {answer: gated.submit(sphere(name=answer)) for answer in ("granted", "denied")}
+    with browser.before_the_page(NOTIFIED):
+        for answer, job in jobs.items():
+            gated.wait_worker(job)
+            browser.open(gated, f"#/jobs/{job}")
+            browser.wait_text("50 %", ".live")
+            browser.run("window.answer = arguments[0]", answer)
+            browser.press("Notify me at the end", ".live")
+            if answer == "granted":
+                browser.wait_text("A notification follows", ".live")
+            wait_until(lambda: browser.run("return window.asked") == 1, "the question")
+            assert browser.run("return window.notified") == []  # not before the end
+            gated.open_gate(job)
+            browser.wait_text("Done", "h1")
+            expected = ["granted: Done"] if answer == "granted" else []
+            wait_until(lambda: browser.run("return window.notified") == expected, "the notification")
 
 
 def test_the_queue_shows_previews_of_own_jobs(closed_service, browser):
@@ -594,6 +662,18 @@ def test_the_bar_of_an_array_has_its_frames_by_state(gated, browser):
     gated.wait_state(after, "succeeded")
 
 
+def test_an_administrator_sees_what_runs_on_each_host(closed_service, browser, tmp_path):
+    closed_service.end()
+    closed_service.start("--worker", gated_worker(tmp_path))
+    sign_in(browser, closed_service, secret=closed_service.token)
+    browser.press("Service", "header")
+    browser.wait_text("Nothing runs", "main")
+    job = with_token(closed_service, closed_service.token, "POST", "/v1/jobs", sphere(solver={"threads": 1})).json["id"]
+    wait_until(lambda: browser.texts(".hosts tbody td")[:3] == [socket.gethostname(), "1", "1"], "the attempt on this host")
+    closed_service.open_gate(job)
+    browser.wait_text("Nothing runs", "main")
+
+
 def test_an_administrator_sees_what_users_hold(closed_service, browser):
     secret = new_token(closed_service, "erin")
     job = with_token(closed_service, secret, "POST", "/v1/jobs", sphere(name="held")).json["id"]
@@ -746,6 +826,13 @@ def test_controls_of_the_view_of_points(service, browser):
     double = "const c = document.querySelector('canvas.points'); c.dispatchEvent(new MouseEvent('dblclick', {bubbles: true, clientX: c.getBoundingClientRect().left + c.clientWidth / 2 + 30, clientY: c.getBoundingClientRect().top + c.clientHeight / 2}))"
     changes(lambda: slide(".controls label input[type=range]", "1.5"), "points without gaps")
     changes(lambda: browser.run(double), "another centre")
+    browser.press("Full screen", ".controls")
+    wait_until(lambda: browser.run("return document.fullscreenElement && document.fullscreenElement.className") == "stage", "the full screen")
+    size = "const e = document.querySelector('canvas.points'); return [e.clientWidth, e.clientHeight, innerWidth, innerHeight]"
+    wait_until(lambda: (now := browser.run(size))[:2] == now[2:], "the points on the whole screen")
+    browser.run("document.exitFullscreen()")
+    wait_until(lambda: not browser.run("return document.fullscreenElement"), "the page again")
+    wait_until_drawn(browser)
 
 
 def select_of(browser, *words):

@@ -293,7 +293,8 @@ json *job_json_new_event(const queue_event *event, job_json_viewer viewer)
     return o;
 }
 
-void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer)
+void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer,
+                            const char *host)
 {
     const queue_job *job = &running->job;
     json *o = json_append_object(list);
@@ -305,4 +306,5 @@ void job_json_append_worker(json *list, const queue_claimed *running, job_json_v
     job_json_put_time(o, "started", running->task.started_ms);
     json_put_integer(o, "threads", job->threads);
     json_put_integer(o, "memory_mb", job->memory_mb);
+    json_put_string(o, "host", viewer == JOB_JSON_READER ? NULL : host);
 }

@@ -58,8 +58,9 @@ void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_
 /* The document of an event, to be freed. */
 json *job_json_new_event(const queue_event *event, job_json_viewer viewer);
 
-/* Appends the document of the worker that runs this attempt. */
-void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer);
+/* Appends the document of the worker that runs this attempt. `host` NULL: not known. */
+void job_json_append_worker(json *list, const queue_claimed *running, job_json_viewer viewer,
+                            const char *host);
 
 /* Adds the member `notes` of a result (service/results/result.h); null if the job or frame has none. Call it
  * only for callers who may read the result. `frame` may be QUEUE_NO_FRAME. */

@@ -177,8 +177,12 @@ void status_workers(const http_context *c, const http_request *request, reply *r
     else
         json_put_null(o, "user_running");
     json *list = json_put_array(document, "workers");
-    for (size_t i = 0; i < count; i++)
-        job_json_append_worker(list, &running[i], job_json_viewer_of(request->caller, running[i].job.owner));
+    for (size_t i = 0; i < count; i++) {
+        char host[ENGINE_HOST_SIZE];
+        bool known = executor_find_host(c->x, running[i].job.id, running[i].task.number, host);
+        job_json_append_worker(list, &running[i], job_json_viewer_of(request->caller, running[i].job.owner),
+                               known ? host : NULL);
+    }
     queue_claimed_free(running, count);
     reply_set_json(r, 200, document);
 }

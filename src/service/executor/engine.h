@@ -48,6 +48,9 @@ typedef struct engine_request {
 
 typedef struct engine_attempt engine_attempt; /* defined by each engine */
 
+/* Size of the name of a host, with the terminating 0. */
+#define ENGINE_HOST_SIZE 65
+
 /* The cause, known to the engine, of an attempt without a regular end. */
 typedef enum engine_loss {
     ENGINE_NOT_LOST,
@@ -61,14 +64,14 @@ typedef enum engine_loss {
 typedef struct engine_ending {
     int exit_status, signal; /* one of them -1; both when the attempt is lost */
     engine_loss loss;
-    char why[256];             /* description of a loss */
-    char host[65];             /* host of the worker; "": this host, or unknown */
-    int64_t ran_ms;            /* running time of the worker; 0: use the caller's measurement */
-    int64_t waited_ms;         /* in the engine's queue before the worker started; 0: none, or unknown */
-    int64_t processor_ms;      /* of the worker and its readers; 0: not known */
-    int64_t peak_memory_bytes; /* 0: not known */
-    bool out_of_memory;        /* the kernel killed the worker at its memory limit */
-    char *last_words;          /* last line of standard error, "" if there is none; to be freed */
+    char why[256];               /* description of a loss */
+    char host[ENGINE_HOST_SIZE]; /* host of the worker; "": this host, or unknown */
+    int64_t ran_ms;              /* running time of the worker; 0: use the caller's measurement */
+    int64_t waited_ms;           /* in the engine's queue before the worker started; 0: none, or unknown */
+    int64_t processor_ms;        /* of the worker and its readers; 0: not known */
+    int64_t peak_memory_bytes;   /* 0: not known */
+    bool out_of_memory;          /* the kernel killed the worker at its memory limit */
+    char *last_words;            /* last line of standard error, "" if there is none; to be freed */
 } engine_ending;
 
 typedef struct engine {
@@ -86,6 +89,8 @@ typedef struct engine {
     void (*sweep)(void *place);
     /* Start of the worker, monotonic clock; INT64_MAX: it waits. */
     int64_t (*began_ms)(const engine_attempt *attempt);
+    /* Writes the name of the host on which the worker runs; "": not known yet. */
+    void (*find_host)(const engine_attempt *attempt, char host[ENGINE_HOST_SIZE]);
     /* The name of the worker for the log. */
     const char *(*identify)(const engine_attempt *attempt);
     /* Writes the descriptors to wait for and returns their number. */

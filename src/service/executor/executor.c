@@ -669,6 +669,13 @@ char *executor_progress(executor *x, const char *id)
     return progress;
 }
 
+bool executor_find_host(executor *x, const char *id, int task, char host[ENGINE_HOST_SIZE])
+{
+    bool found = false;
+    for (size_t i = 0; !found && i < x->slot_count; i++) found = slot_host(x->slots[i], id, task, host);
+    return found && *host;
+}
+
 progress_ring *executor_progress_ring(executor *x)
 {
     return x->progress;

@@ -109,6 +109,9 @@ void executor_offer(executor *x, const char *id);
  * to be freed. NULL when there is none. */
 char *executor_progress(executor *x, const char *id);
 
+/* Writes the host on which a worker runs this task. False: none does, or the host is not known yet. */
+bool executor_find_host(executor *x, const char *id, int task, char host[ENGINE_HOST_SIZE]);
+
 /* The newest progress lines of all jobs. A new one wakes the tasks of queue_wake_on_change. */
 progress_ring *executor_progress_ring(executor *x);
 

@@ -22,6 +22,7 @@
 #include "base/core/sandbox.h"
 #include "base/core/transfer.h"
 #include "base/core/worker_contract.h"
+#include "service/executor/host.h"
 #include "service/results/result.h"
 #include "files/file.h"
 
@@ -331,6 +332,12 @@ static int64_t began_ms(const engine_attempt *a)
     return a->began_ms;
 }
 
+static void find_host(const engine_attempt *a, char host[ENGINE_HOST_SIZE])
+{
+    (void)a;
+    host_name(host, ENGINE_HOST_SIZE);
+}
+
 static const char *identify(const engine_attempt *a)
 {
     return a->name;
@@ -495,5 +502,5 @@ static void settle(engine_attempt *a, engine_ending *ending)
     attempt_free(a);
 }
 
-const engine engine_local = {"local",  start,    NULL,  NULL,         NULL,   NULL,
-                             began_ms, identify, watch, poll_attempt, cancel, settle};
+const engine engine_local = {"local",   start,    NULL,  NULL,         NULL,   NULL,  began_ms,
+                             find_host, identify, watch, poll_attempt, cancel, settle};

@@ -31,6 +31,8 @@ typedef struct work {
     int threads; /* resources that the attempt uses */
     int64_t memory_mb;
     char *progress;                                /* the newest progress line */
+    bool began;                                    /* the worker has started */
+    char host[ENGINE_HOST_SIZE];                   /* see engine.find_host */
     bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
 
     /* used by the supervisor only */
@@ -353,6 +355,19 @@ static int64_t began_ms(const slot *s)
     return s->context->engine->began_ms(s->w.attempt);
 }
 
+static void keep_host(slot *s)
+{
+    work *w = &s->w;
+    char host[ENGINE_HOST_SIZE];
+    bool began = began_ms(s) != INT64_MAX;
+    if (!began) return;
+    s->context->engine->find_host(w->attempt, host);
+    pthread_mutex_lock(&s->mutex);
+    w->began = true;
+    memcpy(w->host, host, sizeof host);
+    pthread_mutex_unlock(&s->mutex);
+}
+
 /* Time at which the task has used up its time limit, including the time of earlier attempts. */
 static int64_t timeout_ms(const slot *s)
 {
@@ -417,6 +432,7 @@ static unsigned step_running(slot *s)
     const char *progress;
     bool ended = runs->poll(w->attempt, &progress);
     if (progress) keep_progress(s, progress);
+    if (!ended && !*w->host) keep_host(s);
     if (!ended && s->phase == SLOT_RUNNING && s->context->draining && runs->leave) {
         log_write(LOG_LEVEL_INFO, "attempt continues job=%s attempt=%d", w->claimed.job.id,
                   w->claimed.task.attempt);
@@ -592,6 +608,15 @@ char *slot_progress(slot *s, const char *id)
     if (holds(s, id) && s->w.progress) progress = mem_strdup(s->w.progress);
     pthread_mutex_unlock(&s->mutex);
     return progress;
+}
+
+bool slot_host(slot *s, const char *id, int task, char host[ENGINE_HOST_SIZE])
+{
+    pthread_mutex_lock(&s->mutex);
+    bool found = holds(s, id) && s->w.claimed.task.number == task && s->w.began;
+    if (found) memcpy(host, s->w.host, sizeof s->w.host);
+    pthread_mutex_unlock(&s->mutex);
+    return found;
 }
 
 slot_usage slot_get_usage(slot *s)

@@ -119,6 +119,9 @@ void slot_move(slot *s, const char *id, int priority);
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */
 char *slot_progress(slot *s, const char *id);
 
+/* Writes the host of the worker, see engine.find_host, if the slot holds this task and the worker has started. */
+bool slot_host(slot *s, const char *id, int task, char host[ENGINE_HOST_SIZE]);
+
 /* Resources that the attempt in the slot uses; all zero if the slot is free. */
 typedef struct slot_usage {
     int attempts; /* 0 or 1 */

@@ -165,6 +165,15 @@ static void look_for_claim(view *v)
     pthread_mutex_unlock(&s->mutex);
 }
 
+/* Records the host of an attempt that has begun, once Slurm has reported it. */
+static void keep_host(view *v)
+{
+    slurm *s = v->a->place;
+    pthread_mutex_lock(&s->mutex);
+    if (!*v->a->host) snprintf(v->a->host, sizeof v->a->host, "%s", v->task.host);
+    pthread_mutex_unlock(&s->mutex);
+}
+
 static void keep_progress(view *v)
 {
     slurm *s = v->a->place;
@@ -326,6 +335,7 @@ static void inspect(view *v)
     look_for_claim(v);
     state = v->task.state;
     bool over = state && state->over;
+    if (v->began) keep_host(v);
     if (v->began || over) { /* otherwise there is neither */
         keep_progress(v);
         if (read_ending(v)) return;

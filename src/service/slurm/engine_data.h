@@ -69,6 +69,7 @@ struct engine_attempt {
     bool refused;                     /* by sbatch; ending.why has the reason */
     bool cancelled, forced, notified; /* must end; must be killed; the node has been notified */
     int64_t began_ms;                 /* start of the worker, monotonic; INT64_MAX: not yet */
+    char host[ENGINE_HOST_SIZE];      /* on which it began; "": not known yet */
     /* time at which the end of its task, or of its worker, was noticed; 0: not yet */
     int64_t over_ms, stopped_ms;
     /* time since which its ending cannot be read; 0: it can be read. Used by the task of the files only */

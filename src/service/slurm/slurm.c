@@ -193,6 +193,13 @@ static int64_t began_ms(const engine_attempt *a)
     return began;
 }
 
+static void find_host(const engine_attempt *a, char host[ENGINE_HOST_SIZE])
+{
+    pthread_mutex_lock(&a->place->mutex);
+    memcpy(host, a->host, sizeof a->host);
+    pthread_mutex_unlock(&a->place->mutex);
+}
+
 static const char *identify(const engine_attempt *a)
 {
     return a->name;
@@ -251,8 +258,8 @@ static void settle(engine_attempt *a, engine_ending *ending)
     attempt_free(a);
 }
 
-const engine engine_slurm = {"slurm",  start,    resume, runs_on,      leave,  sweep,
-                             began_ms, identify, watch,  poll_attempt, cancel, settle};
+const engine engine_slurm = {"slurm",   start,    resume, runs_on,      leave,  sweep, began_ms,
+                             find_host, identify, watch,  poll_attempt, cancel, settle};
 
 /* ---- the tasks */
 
