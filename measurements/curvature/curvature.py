@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the curvatures of points on meshes with those of the surfaces whose points are the corners of the meshes.
+"""Compares the curvatures of points with those of the surfaces that formulas, volumes and meshes describe.
 
-    measurements/curvature/curvature.py --worker build/hexad-worker [--output measurements/curvature/curvature.csv] [--only WORD ...]
+    measurements/curvature/curvature.py --worker build/hexad-worker [--reference WORKER] [--output measurements/curvature/curvature.csv]
+        [--only WORD ...]
 
-Each case is a sphere, a torus or an ellipsoid as a mesh: quads, evenly or at random distributed vertices. It is sampled on its triangles,
-through a level set, at an offset, in a region and in a union with a copy that is moved. Errors are those of both principal
-curvatures over the larger one, at points with kappa_defined 1. Ends with 1 if a bound is missed.
+A torus and an ellipsoid are sampled as formulas and as volumes; with --reference, by another worker, too. A sphere, a torus and an
+ellipsoid are sampled as meshes: quads, evenly or at random distributed vertices. A mesh is sampled on its triangles, through a level set,
+at an offset, in a region and in a union with a copy that is moved. Errors are those of both principal curvatures over the larger one, at
+points with kappa_defined 1. Ends with 1 if a bound is missed.
 """
 import argparse
 import json
@@ -19,6 +21,7 @@ import numpy
 from scipy.spatial import ConvexHull, Delaunay
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
+import levelsets  # noqa: E402
 import measure  # noqa: E402
 import results  # noqa: E402
 
@@ -26,7 +29,10 @@ COUNT, SIZES, OFFSET, SHIFT = 3000, (5000, 100000), 0.1, numpy.array([0.7, 0.1, 
 MAJOR, MINOR, AXES, ROUND = 1, 0.4, numpy.array([1, 0.6, 0.325]), numpy.ones(3)
 # per cent; of quads of 40 x 20, only the median
 MOST_MEDIAN, MOST_99, MOST_COARSE = 2, 10, 9
-HEADER = ["row", "shape", "vertices", "triangles", "surface", "points", "undefined_percent", "median_percent", "percentile_99_percent", "largest_percent"]
+# voxels along the longest side of a volume; largest quotient of an error and that of the reference: their points differ
+VOXELS, MOST_QUOTIENT = (64, 256), 1.1
+HEADER = ["row", "shape", "vertices", "triangles", "surface", "points", "undefined_percent", "median_percent", "percentile_99_percent",
+          "largest_percent", "reference_median_percent", "reference_percentile_99_percent"]
 
 
 # ---- shapes: their values at places near them, and the nearest places
@@ -164,47 +170,101 @@ def surfaces_of(shape):
             ("union", {"union": [mesh, moved]}, {}, union)]
 
 
-def run(worker, directory, surface, more):
-    spec = {"version": 1, "surface": surface, "sampling": {"count": COUNT}, "output": {"preview": False}, **more}
+def write_volume(shape, voxels, path):
+    """Distances to a torus or an ellipsoid near it, about the origin."""
+    half = AXES if shape == "ellipsoid" else numpy.array([MAJOR + MINOR, MAJOR + MINOR, MINOR])
+    voxel = 2 * half.max() / voxels
+    reach = numpy.ceil(half / voxel + levelsets.BAND + 1).astype(int)
+    x = numpy.stack(numpy.meshgrid(*(numpy.arange(-k, k + 1) * voxel for k in reach), indexing="ij"), axis=-1)
+    if shape == "torus":
+        distance = torus_distance(x.reshape(-1, 3))
+    else:
+        # a place in a plane of symmetry has two nearest ones
+        flat = numpy.where(x == 0, 1e-9, x).reshape(-1, 3)
+        distance = numpy.copysign(ellipsoid_distance(flat, AXES), numpy.linalg.norm(flat / AXES, axis=1) - 1)
+    levelsets.write_array(distance.reshape(x.shape[:3]), -reach, voxel, path)
+
+
+def fields_of(shape):
+    """Names, specs, voxels of the volume to write, and the true curvatures at places."""
+    true = torus_curvatures if shape == "torus" else lambda x: ellipsoid_curvatures(x, AXES)
+    sizes = {"major_radius": MAJOR, "minor_radius": MINOR} if shape == "torus" else {"radii": AXES.tolist()}
+    return [("formula", {"analytic": {"shape": shape, "center": [0, 0, 0], **sizes}}, 0, true)] + [
+        (f"volume of {voxels} voxels", {"vdb": {"path": "volume.vdb"}}, voxels, true) for voxels in VOXELS]
+
+
+def run(worker, directory, surface, more, count=COUNT):
+    spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False}, **more}
     (directory / "spec.json").write_text(json.dumps(spec))
     subprocess.run([worker, "run", "spec.json", "--output", "out", "--threads", "1"], cwd=directory, check=False, capture_output=True)
     return measure.read_ply(directory / "out" / "points.ply")
 
 
-def row_of(shape, vertices, triangles, name, points, true):
+def errors_of(points, true):
+    """The undefined share, the median, the 99th percentile and the largest of the errors, per cent."""
     found = numpy.stack([points.columns["kappa1"], points.columns["kappa2"]], axis=1)
-    exact, defined = true(points.position), points.columns["kappa_defined"] == 1
+    exact, defined = true(points.position), points.columns.get("kappa_defined", numpy.ones(points.count)) == 1
     off = 100 * (numpy.abs(found - exact).max(axis=1) / numpy.abs(exact).max(axis=1))[defined]
-    figures = (100 * (1 - defined.mean()), numpy.median(off), numpy.percentile(off, 99), off.max())
-    return [f"{shape}, {vertices}, {triangles}: {name}", shape, vertices, triangles, name, points.count, *(f"{value:.3g}" for value in figures)]
+    return 100 * (1 - defined.mean()), numpy.median(off), numpy.percentile(off, 99), off.max()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--worker", type=pathlib.Path, required=True)
-    parser.add_argument("--output", type=pathlib.Path)
-    parser.add_argument("--only", nargs="*", default=[])
-    options = parser.parse_args()
-    rng, rows, missed = numpy.random.default_rng(1), [], 0
+def field_row(options, directory, shape, name, surface, true):
+    """A row of a formula or volume, and whether it misses a bound."""
+    points = run(options.worker, directory, surface, {})
+    own, reference = errors_of(points, true), [None] * 4
+    if options.reference:
+        reference = errors_of(run(options.reference, directory, surface, {}), true)
+    row = [f"{shape}: {name}", shape, None, None, name, points.count, *own, *reference[1:3]]
+    return row, options.reference and (own[1] > MOST_QUOTIENT * reference[1] or own[2] > MOST_QUOTIENT * reference[2])
+
+
+def mesh_row(options, directory, shape, vertices, triangles, case):
+    name, surface, more, true = case
+    points = run(options.worker, directory, surface, more)
+    own = errors_of(points, true)
+    most = (MOST_COARSE, numpy.inf) if triangles == 1600 else (MOST_MEDIAN, MOST_99)
+    row = [f"{shape}, {vertices}, {triangles}: {name}", shape, vertices, triangles, name, points.count, *own, None, None]
+    return row, own[1] > most[0] or own[2] > most[1]
+
+
+def rows_of(options, directory):
+    """Yields rows, and whether each misses a bound."""
+    def is_wanted(text):
+        return all(word in text for word in options.only)
+
+    for shape in ("torus", "ellipsoid"):
+        for name, surface, voxels, true in fields_of(shape):
+            if is_wanted(f"{shape} {name}"):
+                if voxels:
+                    write_volume(shape, voxels, directory / "volume.vdb")
+                yield field_row(options, directory, shape, name, surface, true)
+    rng = numpy.random.default_rng(1)
     cases = [(shape, vertices, size) for size in SIZES for shape in ("sphere", "torus", "ellipsoid") for vertices in ("quads", "even", "random")]
     for shape, vertices, size in [("torus", "40 x 20 quads", 1600), *cases]:
         mesh = grid(40, 20, on_torus, True) if size == 1600 else mesh_of(shape, vertices, size, rng)
         triangles = sum(len(face) - 2 for face in mesh[1])
-        if options.only and not all(word in f"{shape} {vertices} {triangles}" for word in options.only):
-            continue
-        with tempfile.TemporaryDirectory() as name:
-            directory = pathlib.Path(name)
+        if is_wanted(f"{shape} {vertices} {triangles}"):
             write_obj(directory / "mesh.obj", *mesh)
             write_obj(directory / "moved.obj", mesh[0] + SHIFT, mesh[1])
-            for surface, spec, more, true in surfaces_of(shape):
-                row = row_of(shape, vertices, triangles, surface, run(options.worker.resolve(), directory, spec, more), true)
-                most = (MOST_COARSE, numpy.inf) if size == 1600 else (MOST_MEDIAN, MOST_99)
-                is_missed = float(row[7]) > most[0] or float(row[8]) > most[1]
-                missed += is_missed
-                rows.append(row)
-                print(row[0], *(f"{key} {value}" for key, value in zip(HEADER[6:], row[6:])), "MISSED" if is_missed else "", sep=", ", flush=True)
-        if options.output:
-            results.write(options.output, HEADER, rows)
+            for case in surfaces_of(shape):
+                yield mesh_row(options, directory, shape, vertices, triangles, case)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--worker", type=lambda path: pathlib.Path(path).resolve(), required=True)
+    parser.add_argument("--reference", type=lambda path: pathlib.Path(path).resolve(), help="another hexad-worker, for formulas and volumes")
+    parser.add_argument("--output", type=pathlib.Path)
+    parser.add_argument("--only", nargs="*", default=[], help="words that the row contains")
+    options = parser.parse_args()
+    rows, missed = [], 0
+    with tempfile.TemporaryDirectory() as name:
+        for row, is_missed in rows_of(options, pathlib.Path(name)):
+            rows.append([f"{value:.3g}" if isinstance(value, float) else value for value in row])
+            missed += bool(is_missed)
+            print(row[0], *(f"{key} {value}" for key, value in zip(HEADER[6:], rows[-1][6:])), "MISSED" if is_missed else "", sep=", ", flush=True)
+            if options.output:
+                results.write(options.output, HEADER, rows)
     print(f"{missed} of {len(rows)} rows miss a bound")
     return missed > 0
 

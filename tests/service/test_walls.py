@@ -15,6 +15,7 @@ from readers import read_columns
 from scenes import stack
 
 CASES = int(os.environ.get("HEXAD_WALL_CASES", "8"))
+BETWEEN = 0.55  # of a hexagonal packing and one more point, which is 0.577 spacings from three others
 LEAST = 0.15  # of points drawn at random, and edges: both leave gaps smaller than the spacing
 SEED = int(os.environ.get("HEXAD_TEST_SEED", "20051"))
 
@@ -82,7 +83,7 @@ def test_points_of_a_result_keep_their_wall(run, tmp_path):
         assert ((normals[:len(given)] * was).sum(axis=1)[inside] > 0.9).all(), k
         least = solid.least_distance(at, columns["spacing"], columns["kept"] == 1)
         assert abs(report["quality"]["min_spacing_ratio"] - least) < 1e-6, (k, count, least)
-        assert least > 0.9 * first["quality"]["min_spacing_ratio"], (k, count)
+        assert least > min(BETWEEN, 0.9 * first["quality"]["min_spacing_ratio"]), (k, count, least)
         assert report["quality"]["hex_fraction"] > first["quality"]["hex_fraction"] - 0.05, (k, count)
 
 
