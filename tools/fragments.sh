@@ -174,7 +174,7 @@ END {
         if (path[i] ~ /^page\/(preact|sha256|uplot)\./) continue  # copies of libraries in a build in the source tree
         if (path[i] ~ /^page\/[^\/]*\.(html|css|svg|js)$/) add("page_files", path[i])
         else if (path[i] ~ /^clients\/python\/hexad\/([^\/]*\.py|py\.typed)$/) add("python_client_files", path[i])
-        else if (path[i] ~ /^(doc\/[^\/]*\.(md|png)|examples\/[^\/]*\.json|fuzz\/[^\/]*\.(py|dict)|tools\/[^\/]*\.(py|sh))$/ ||
+        else if (path[i] ~ /^(doc\/[^\/]*\.(md|png)|examples\/[^\/]*\.(c|json)|fuzz\/[^\/]*\.(py|dict)|tools\/[^\/]*\.(py|sh))$/ ||
             path[i] ~ /^tests\/([^\/]*\/)?[^\/]*\.(h|json|js|md|mjs|py|sh|ts|tsv|txt|yaml)$/ || path[i] ~ /^tests\/[^\/]*\.c$/ ||
             path[i] ~ /^measurements\/.*(\.(md|csv|json|py|sh|png|svg)|\/reproduce)$/)
             add("distributed_files", path[i])

@@ -31,6 +31,8 @@
 #include "base/json/json.h"
 #include "io/meshes/mesh_reader.h"
 #include "sampling/packing/energy.h"
+#include "job/phases/result_arrays.h"
+#include "job/phases/results.h"
 #include "job/phases/run.h"
 #include "job/report/summary.h"
 #include "spec/attach_spec.h"
@@ -50,6 +52,7 @@ static const int64_t DEFAULT_MEMORY_MB = 4096;
 #define COMMAND_SAMPLE "sample"
 
 static volatile sig_atomic_t cancel_requested;
+static int arrays_fd = -1; /* where the result and errors are written as arrays; -1: nowhere */
 
 static void request_cancel(int number)
 {
@@ -166,6 +169,7 @@ static int fail(const error *e, const spec_faults *faults)
     fputc('\n', stderr);
     free(text);
     json_free(line);
+    if (arrays_fd >= 0) result_arrays_write(NULL, e, arrays_fd, NULL);
     return exit_code_of(e->code);
 }
 
@@ -184,7 +188,7 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress, json;
-    long progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
+    long arrays_fd, progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
 } arguments;
 
@@ -289,6 +293,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
                                             {"progress", no_argument, NULL, 'p'},
                                             {WORKER_OPTION_PROGRESS_FD, required_argument, NULL, 'f'},
+                                            {WORKER_OPTION_ARRAYS_FD, required_argument, NULL, 'a'},
                                             {WORKER_OPTION_INPUT_ROOT, required_argument, NULL, 'r'},
                                             {WORKER_OPTION_MEMORY_MB, required_argument, NULL, 'm'},
                                             {WORKER_OPTION_MOST_MEMORY_MB, required_argument, NULL, 'M'},
@@ -304,7 +309,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {"pattern", required_argument, NULL, OPTION_PATTERN},
                                             {"set", required_argument, NULL, OPTION_SET},
                                             {NULL, 0, NULL, 0}};
-    *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
+    *a = (arguments){.arrays_fd = -1, .progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     a->set = mem_alloc((size_t)argc * sizeof *a->set);
     a->sample.set = a->set;
@@ -325,6 +330,9 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             a->roots[a->root_count++] = optarg;
         else if (c == 'f') {
             if (!parse_number(WORKER_OPTION_PROGRESS_FD, optarg, 0, &a->progress_fd, e)) return false;
+        } else if (c == 'a') {
+            if (!parse_number(WORKER_OPTION_ARRAYS_FD, optarg, 0, &a->arrays_fd, e)) return false;
+            arrays_fd = (int)a->arrays_fd;
         } else if (c == 'm') {
             if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB, &a->memory_mb, e))
                 return false;
@@ -354,7 +362,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         argc = optind + 1;
     }
     bool samples = strcmp(argv[0], COMMAND_SAMPLE) == 0;
-    if (argc - optind != 1 || (!a->output && !inspects && !samples))
+    if (a->arrays_fd >= 0 && (a->output || strcmp(argv[0], WORKER_COMMAND_RUN) != 0))
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "--" WORKER_OPTION_ARRAYS_FD " is an option of run, in place of --output: omit it");
+    if (argc - optind != 1 || (!a->output && a->arrays_fd < 0 && !inspects && !samples))
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects || samples ? "FILE" : "SPEC.json (or -) and --output DIR");
     if (!samples && has_sample_option(&a->sample))
@@ -465,10 +476,12 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
         !(*roots = store_roots_open(NULL, a->roots, a->root_count, e)))
         return false;
     if (a->sandbox == SANDBOX_OFF) return true;
-    if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox requires --output DIR: add it");
+    if (!a->output && a->arrays_fd < 0)
+        return error_set(e, ERROR_SPEC_INVALID, "--sandbox requires --output DIR: add it");
     char text[SANDBOX_TEXT_SIZE];
     sandbox_describe(a->sandbox, text); /* before the process enters it: inside, /proc cannot be read */
-    if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
+    if ((a->output && !store_directory_create(a->output, e)) || !sandbox_enter(a->sandbox, &places, e))
+        return false;
     terminal_text_print(stderr, "sandbox: %s\n", text);
     return true;
 }
@@ -516,6 +529,7 @@ static int obey(int argc, char **argv, command *what)
     store_roots *roots = NULL;
     FILE *spec_file = NULL;
     sequence_files previous = {0};
+    result_arrays arrays = {0};
     int code;
     char *report_path = NULL;
     handle_signals();
@@ -527,6 +541,7 @@ static int obey(int argc, char **argv, command *what)
     if (!choose_frame(&s, a.frame, a.previous != NULL, &faults, &e)) goto fail;
     run_options options = {
         .output = a.output,
+        .delivery = a.arrays_fd < 0 ? results_in_directory(a.output) : results_in_memory(&arrays),
         .roots = roots,
         .memory_mb = a.memory_mb,
         .most_memory_mb = a.most_memory_mb,
@@ -539,10 +554,12 @@ static int obey(int argc, char **argv, command *what)
         .leave = leave,
     };
     if ((code = what(s, &options, &e)) < 0) goto fail;
+    if (arrays_fd >= 0 && !result_arrays_write(&arrays, NULL, arrays_fd, &e)) goto fail;
     goto done;
 fail:
     code = fail(&e, &faults);
 done:
+    result_arrays_free(&arrays);
     if (spec_file && spec_file != stdin) fclose(spec_file);
     sequence_close(&previous);
     spec_free(s);
@@ -566,6 +583,7 @@ static bool draw_preview(const json *inspection, const run_options *options, con
         s && (mkdtemp(directory) || error_set(e, error_code_of_errno(errno), "cannot write %s: %m", to));
     if (ok) {
         own.output = directory;
+        own.delivery = results_in_directory(directory);
         picture = mem_printf("%s/preview.png", directory);
         ok =
             run_job(s, &own, &outcome, &report, e) &&
@@ -688,6 +706,7 @@ static int sample(int argc, char **argv)
     if (!prepare(&a, &roots, NULL, NULL, &e)) goto done;
     run_options options = {
         .output = a.output,
+        .delivery = results_in_directory(a.output),
         .roots = roots,
         .memory_mb = a.memory_mb,
         .threads = (int)a.threads,

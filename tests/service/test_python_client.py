@@ -436,11 +436,12 @@ def test_the_submitters_have_the_syntax_of_their_programs():
         ast.parse(path.read_text(), feature_version=(3, 9))
 
 
-@pytest.mark.parametrize("page", ["doc/python.md", "clients/python/README.md"])
+@pytest.mark.parametrize("page", ["doc/python.md", "doc/library.md", "clients/python/README.md"])
 def test_the_examples_of_the_pages(client, build, source, tmp_path, monkeypatch, page):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HEXAD_SERVER", client.service.address)
     monkeypatch.setenv("HEXAD_WORKER", str(build / "hexad-worker"))
+    monkeypatch.setenv("HEXAD_LIBRARY", str(build / "libhexad.so.1"))
     (tmp_path / "cube.obj").write_text(CUBE_OBJ)
     failed, tried = doctest.testfile(str(source / page), module_relative=False, optionflags=doctest.ELLIPSIS)
     assert failed == 0 and tried >= 3

@@ -114,11 +114,22 @@ def of_help(program, text):
     return rows | {f"command {program} {word}": [] for words in re.findall(listed, text, re.M) for word in words.split(", ")}
 
 
+def of_header(text):
+    """The functions of hexad.h."""
+    plain = re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", text, flags=re.S))
+    rows = {f"library {name}": f"{result}({arguments})".split(", ")
+            for result, name, arguments in re.findall(r"HEXAD_API ([^(;]*?)(hexad_\w+)\(([^)]*)\);", plain)}
+    rows |= {f"library {name}": members.strip().rstrip(";").split("; ")
+             for members, name in re.findall(r"typedef struct \w+ \{([^}]*)\} (\w+);", plain)}
+    return rows | {f"library {name}": words.strip().split(", ") for words, name in re.findall(r"typedef enum \w+ \{([^}]*)\} (\w+);", plain)}
+
+
 def interface(build):
     def say(program, *words):
         return subprocess.run([build / program, *words], check=True, capture_output=True, text=True, timeout=PATIENCE_S).stdout
 
     rows = of_spec(json.loads(say("hexad-worker", "schema"))) | of_settings(say("hexad", "--print-config"))
+    rows |= of_header((pathlib.Path(__file__).parents[2] / "include/hexad.h").read_text())
     for program in PROGRAMS:
         rows |= of_help(program, say(program, "--help"))
     with tempfile.TemporaryDirectory() as where:

@@ -48,7 +48,7 @@ static bool try_open(const char *member, const char *more, opened *out, error *e
 {
     out->spec = read_spec(member, more);
     const source_memory_limits limits = {MEMORY, 0};
-    return source_open(out->spec, NULL, &limits, isa_best(), mesh_fixture_pool(), &out->source, e);
+    return source_open(out->spec, NULL, NULL, &limits, isa_best(), mesh_fixture_pool(), &out->source, e);
 }
 
 static void open_surface(const char *member, const char *more, opened *out)

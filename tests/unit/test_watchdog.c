@@ -66,7 +66,7 @@ static void test_a_silent_job_has_progress(void **state)
     int ends[2];
     assert_int_equal(pipe(ends), 0);
     progress p;
-    progress_begin(&p, ends[1], false);
+    progress_begin(&p, ends[1], false, (progress_listener){0});
     const watchdog_params params = {&p, &no, never, NULL};
     watchdog *w = watchdog_start(&params, NULL);
     assert_non_null(w);

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "Problem", "Unreachable", "WaitTimeout"]
+__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "Unreachable", "WaitTimeout"]
 
 
 class HexadError(Exception):
@@ -17,6 +17,10 @@ class Unreachable(HexadError):
 
 class FaultWarning(UserWarning):
     """The inputs of a job that was accepted have a fault, with which it would fail."""
+
+
+class OutcomeWarning(UserWarning):
+    """The outcome of a call is not `converged`."""
 
 
 class Damaged(HexadError):
@@ -47,7 +51,7 @@ class Problem(HexadError):
 class JobFailed(HexadError):
     """A job has ended without a result.
 
-    job: its id
+    job: its id; "" of a call
     state: `failed`, `cancelled` or `timed_out`
     code: of its error, such as `no_surface`; None of a job that was cancelled before it ran
     """
@@ -55,4 +59,5 @@ class JobFailed(HexadError):
     def __init__(self, job: str, state: str, error: dict[str, Any] | None) -> None:
         self.job, self.state = job, state
         self.code: str | None = error["code"] if error else None
-        super().__init__(f"job {job} ended as {state}" + (f": {error['code']}: {error['message']}" if error else ""))
+        why = f"{error['code']}: {error['message']}" if error else ""
+        super().__init__(why if not job else f"job {job} ended as {state}" + (f": {why}" if why else ""))

@@ -144,7 +144,7 @@ static bool add_rules(int rules, uint64_t handled, const sandbox_places *places,
               grant_libraries(rules, handled, e) &&
               grant(rules, handled, "/dev/null", write_file, false, e) &&
               grant(rules, handled, SANDBOX_OWN_STATUS, read_file, false, e) &&
-              grant(rules, handled, places->writable, keep_files, true, e);
+              (!places->writable || grant(rules, handled, places->writable, keep_files, true, e));
     for (size_t i = 0; ok && i < places->readable_count; i++)
         ok = grant(rules, handled, places->readable[i], read_file, true, e);
     /* the runtimes of sanitizers read it */

@@ -36,7 +36,8 @@ typedef enum sandbox_mode { SANDBOX_LIST(WORDS_ENUMERATOR, SANDBOX) SANDBOX_MODE
 typedef struct sandbox_places {
     const char *const *readable; /* readable files, and directories below which all files are readable */
     size_t readable_count;
-    const char *writable; /* directory below which files can be created, read, renamed and removed */
+    /* directory below which files can be created, read, renamed and removed; NULL: there is none */
+    const char *writable;
 } sandbox_places;
 
 /* "off", "available", "required". False, with *mode unchanged, for any other name. */

@@ -203,7 +203,7 @@ threads *threads_beside(const threads *t)
 
 bool threads_stopped(const threads *t)
 {
-    return t && t->stop_flag && *t->stop_flag;
+    return t && t->stop_flag && __atomic_load_n(t->stop_flag, __ATOMIC_RELAXED);
 }
 
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context)

@@ -40,6 +40,9 @@ typedef enum worker_exit {
 #define WORKER_OPTION_FRAME "frame"
 #define WORKER_OPTION_PREVIOUS "previous" /* results of the previous frame */
 #define WORKER_OPTION_SANDBOX "sandbox"
+/* of `run`, instead of the output directory: the descriptor to which the result, or the error, is written as arrays
+ * (job/phases/result_arrays.h). The format may change: both sides must be of one build. */
+#define WORKER_OPTION_ARRAYS_FD "arrays-fd"
 
 /* Minimum memory limit: the program, its libraries, and a small job. */
 #define WORKER_MEMORY_LEAST_MB 64

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/mesh_file.h"
 
-#include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,15 +8,13 @@
 #include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
+#include "io/meshes/mesh_check.h"
 #include "io/meshes/mesh_reader.h"
 
 /* CPU limit of the reading process: seconds_at_least plus 1 s for each MiB of the file. Text is read at 10
  * MB/s or more. */
 static const unsigned seconds_at_least = 60;
 static const off_t bytes_per_second = 1 << 20;
-
-/* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
-static const double largest_coordinate = 1e30;
 
 /* The letters and digits after the last dot of the file's name, in lower case, at most 15. */
 static void ending_of(const char *path, char out[16])
@@ -61,52 +57,6 @@ static bool read_header(reader *r, mesh_reader_header *h, char **text, error *e)
 {
     if (!reader_get_answer(r, h, sizeof *h, text, MESH_READER_TEXT_MAX, e)) return false;
     reader_blank(*text, "\n");
-    return true;
-}
-
-static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
-{
-    if (h->triangles == 0)
-        return error_set(
-            e, ERROR_NO_SURFACE,
-            "the mesh has no triangles (%llu vertices, %llu points or lines): save it with faces",
-            (unsigned long long)h->vertices, (unsigned long long)h->others);
-    if (h->vertices >= UINT32_MAX || h->triangles >= UINT32_MAX / 3)
-        return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "the mesh has %llu vertices and %llu triangles, more than 32-bit indices allow: "
-                         "split or simplify it",
-                         (unsigned long long)h->vertices, (unsigned long long)h->triangles);
-    size_t needed = mesh_bytes(h->vertices, h->triangles);
-    if (needed <= limit) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "its %llu triangles require %zu MiB, and %zu MiB of the limit are left: raise "
-                     "limits.memory_mb by at least %zu",
-                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20,
-                     ((needed - limit) >> 20) + 1);
-}
-
-static bool is_usable(vec3 v)
-{
-    return fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
-           fabs(v.z) <= largest_coordinate;
-}
-
-/* Refuses triangles with a vertex that is not finite or exceeds the largest coordinate. Such vertices
- * without a triangle are replaced by a usable vertex; *unused: their number. */
-static bool check_vertices(mesh *m, size_t *unused, error *e)
-{
-    *unused = 0;
-    for (size_t n = 0; n < m->vertex_count; n++) *unused += !is_usable(m->vertex[n]);
-    if (*unused == 0) return true;
-    for (size_t n = 0; n < m->triangle_count; n++)
-        for (int k = 0; k < 3; k++)
-            if (!is_usable(m->vertex[m->triangle[n][k]]))
-                return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "triangle %zu: its vertex %" PRIu32
-                                 " has a coordinate that is not finite or exceeds %g: repair the mesh",
-                                 n, m->triangle[n][k], largest_coordinate);
-    for (size_t n = 0; n < m->vertex_count; n++)
-        if (!is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
     return true;
 }
 
@@ -216,14 +166,15 @@ bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header,
     mesh m = {0};
     char *text = NULL;
     size_t unused = 0;
-    bool ok = read_header(r, header, &text, e) && check_counts(header, memory_limit, e);
+    bool ok = read_header(r, header, &text, e) &&
+              mesh_check_counts(header->vertices, header->triangles, header->others, memory_limit, e);
     if (ok) {
         m.vertex_count = header->vertices;
         m.triangle_count = header->triangles;
         m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
         m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
         ok = m.triangle && reader_get(r, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
-             read_triangles(r, &m, e) && check_vertices(&m, &unused, e) &&
+             read_triangles(r, &m, e) && mesh_check_vertices(&m, &unused, e) &&
              (!values || read_values(r, &m, memory_limit, values, e)) &&
              (!polygons || read_polygons(r, &m, memory_limit, polygons, e));
     }
@@ -234,7 +185,7 @@ bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header,
         mesh_free(&m);
         return false;
     }
-    if (unused > 0) mesh_note(notes, "%zu unused vertices are not finite: they are skipped", unused);
+    mesh_check_note_unused(notes, unused);
     *out = m;
     return true;
 }
@@ -246,16 +197,6 @@ static bool skip_triangles(reader *r, uint64_t triangles, error *e)
     for (uint64_t n = 0; n < triangles; n++)
         if (!reader_get(r, corner, sizeof corner, 1, e)) return false;
     return check_end(r, e);
-}
-
-static bool check_points(const vec3 *point, size_t count, error *e)
-{
-    for (size_t i = 0; i < count; i++)
-        if (!is_usable(point[i]))
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "row %zu: a coordinate is not finite or exceeds %g: remove the row", i,
-                             largest_coordinate);
-    return true;
 }
 
 bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e)
@@ -273,7 +214,7 @@ bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *
     const size_t n = (size_t)header->vertices;
     vec3 *point = mem_array(n, sizeof *point, "the given points", e);
     if (point && reader_get(r, point, sizeof *point, n, e) && skip_triangles(r, header->triangles, e) &&
-        check_points(point, n, e)) {
+        mesh_check_points(point, n, e)) {
         *out = point;
         *count = n;
         return true;
@@ -330,11 +271,7 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
     if (header.others)
         mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
                   (unsigned long long)header.others);
-    if (header.crossed)
-        mesh_note(notes,
-                  "%llu polygons intersect themselves or are not planar: their triangles may overlap. "
-                  "Triangulate them in the file.",
-                  (unsigned long long)header.crossed);
+    mesh_check_note_crossed(notes, header.crossed);
     if (header.end)
         mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
                   (unsigned long long)header.end);

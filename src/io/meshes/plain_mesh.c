@@ -7,159 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/mman.h>
-#include <unistd.h>
-
-#include "io/meshes/polygon.h"
-
-/* Arrays of at least this size, in bytes, use pages of 2 MiB: faults of 4 KiB pages would take longer than
- * filling the array. */
-static const size_t LARGE = 4 << 20;
-
-static bool resize(void **items, size_t *room, size_t n, size_t size)
-{
-    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
-    void *grown = realloc(*items, n * size);
-    if (!grown) return false;
-    const uintptr_t begin = ((uintptr_t)grown + page - 1) / page * page, end = (uintptr_t)grown + n * size;
-    /* best effort: failure is ignored */
-    if (n * size >= LARGE) madvise((void *)begin, end - begin, MADV_HUGEPAGE);
-    *items = grown;
-    *room = n;
-    return true;
-}
-
-/* Makes room for n items. An array that grows gets capacity 2 n. */
-static bool make_room(void **items, size_t *room, size_t n, size_t size)
-{
-    return n <= *room || resize(items, room, n < 512 ? 1024 : 2 * n, size);
-}
-
-bool plain_mesh_refuse_memory(plain_mesh *m)
-{
-    return plain_mesh_refuse(m, ERROR_LIMIT_MEMORY,
-                             "reading it takes more memory than the limit: raise limits.memory_mb");
-}
-
-bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles)
-{
-    return ((vertices <= m->vertex_room ||
-             resize((void **)&m->vertex, &m->vertex_room, vertices, sizeof *m->vertex)) &&
-            (triangles <= m->triangle_room ||
-             resize((void **)&m->triangle, &m->triangle_room, triangles, sizeof *m->triangle))) ||
-           plain_mesh_refuse_memory(m);
-}
-
-bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
-{
-    if (m->vertices + 1 >= UINT32_MAX)
-        return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED,
-                                 "the mesh has more than %zu vertices: cut it into parts", m->vertices);
-    if (!make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
-        return plain_mesh_refuse_memory(m);
-    memcpy(m->vertex[m->vertices++], at, sizeof *m->vertex);
-    return true;
-}
-
-bool plain_mesh_expect_corners(plain_mesh *m, size_t corners)
-{
-    return make_room((void **)&m->corner, &m->corner_room, corners, sizeof *m->corner) ||
-           plain_mesh_refuse_memory(m);
-}
-
-/* Stores a polygon of the file, also with fewer than three corners: polygons are numbered. */
-static bool keep_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
-{
-    if (!make_room((void **)&m->polygon_size, &m->polygon_room, m->polygons + 1, sizeof *m->polygon_size) ||
-        !make_room((void **)&m->polygon_corner, &m->polygon_corner_room, m->polygon_corners + corners,
-                   sizeof *m->polygon_corner))
-        return plain_mesh_refuse_memory(m);
-    m->polygon_size[m->polygons++] = (uint32_t)corners;
-    if (corners > 0) memcpy(m->polygon_corner + m->polygon_corners, corner, corners * sizeof *corner);
-    m->polygon_corners += corners;
-    return true;
-}
-
-static bool are_equal(const plain_mesh *m, uint32_t a, uint32_t b)
-{
-    const double *p = m->vertex[a], *q = m->vertex[b];
-    return p[0] == q[0] && p[1] == q[1] && p[2] == q[2];
-}
-
-/* Copies the corners without those that are equal to the corner before them. Returns their number. */
-static size_t copy_distinct(const plain_mesh *m, const uint32_t *corner, size_t corners, uint32_t *out)
-{
-    size_t count = 0;
-    for (size_t k = 0; k < corners; k++)
-        if (!are_equal(m, corner[k], corner[k > 0 ? k - 1 : corners - 1])) out[count++] = corner[k];
-    return count;
-}
-
-/* Adds the triangles of a polygon without equal corners. */
-static bool cut_distinct(plain_mesh *m, const uint32_t *corner, size_t corners)
-{
-    const polygon_result result =
-        polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
-    if (result != POLYGON_CUT && result != POLYGON_CROSSED)
-        return plain_mesh_refuse(
-            m, ERROR_INPUT_UNSUPPORTED,
-            "a polygon of %zu corners takes too much work or memory to cut into triangles: cut it into smaller ones",
-            corners);
-    m->crossed += result == POLYGON_CROSSED;
-    m->triangles += corners - 2;
-    return true;
-}
-
-/* Adds the triangles of a polygon. Of a polygon with equal neighbouring corners, such as a quadrangle at the pole
- * of a sphere, they are those of its distinct corners. If polygons are kept, triangles without area follow, so that
- * there are `corners` - 2. */
-static bool cut_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
-{
-    if (corners < 3) {
-        m->others++;
-        return true;
-    }
-    if (!make_room((void **)&m->triangle, &m->triangle_room, m->triangles + corners - 2, sizeof *m->triangle))
-        return plain_mesh_refuse_memory(m);
-    bool repeats = false;
-    for (size_t k = 0; corners > 3 && k < corners; k++)
-        repeats |= are_equal(m, corner[k], corner[k > 0 ? k - 1 : corners - 1]);
-    if (!repeats) return cut_distinct(m, corner, corners);
-    uint32_t *distinct = malloc(corners * sizeof *distinct);
-    if (!distinct) return plain_mesh_refuse_memory(m);
-    const size_t count = copy_distinct(m, corner, corners, distinct), first = m->triangles;
-    const bool ok = count < 3 || cut_distinct(m, distinct, count);
-    free(distinct);
-    if (!ok) return false;
-    m->others += count < 3;
-    while (m->keeps_polygons && m->triangles < first + corners - 2)
-        memcpy(m->triangle[m->triangles++], (uint32_t[3]){corner[0], corner[0], corner[0]},
-               sizeof *m->triangle);
-    return true;
-}
-
-bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corners)
-{
-    return (!m->keeps_polygons || keep_polygon(m, corner, corners)) && cut_polygon(m, corner, corners);
-}
-
-bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored)
-{
-    const uint32_t corner[3] = {a, b, c}, turned[3] = {a, c, b};
-    return (!m->keeps_polygons || keep_polygon(m, corner, 3)) &&
-           cut_polygon(m, is_mirrored ? turned : corner, 3);
-}
-
-bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
-{
-    va_list arguments;
-    if (m->refused != ERROR_NONE) return false;
-    m->refused = code;
-    va_start(arguments, format);
-    vsnprintf(m->text, sizeof m->text, format, arguments);
-    va_end(arguments);
-    return false;
-}
 
 bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
 {
@@ -207,20 +54,6 @@ bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what)
                                  "%s is damaged: line %lu is not valid XML (%s). Save it again.", what,
                                  document->line, document->why);
     }
-}
-
-void plain_mesh_warn(plain_mesh *m, const char *format, ...)
-{
-    const size_t used = strlen(m->text), begin = used > 0 ? used + 1 : 0;
-    va_list arguments;
-    va_start(arguments, format);
-    const int length = vsnprintf(NULL, 0, format, arguments);
-    va_end(arguments);
-    if (length < 0 || begin + (size_t)length >= sizeof m->text) return;
-    if (used > 0) m->text[used] = '\n';
-    va_start(arguments, format);
-    vsnprintf(m->text + begin, sizeof m->text - begin, format, arguments);
-    va_end(arguments);
 }
 
 static bool is_digit(char c)
@@ -306,15 +139,6 @@ bool plain_mesh_is_only_reader(const char *ending)
     return readers[file_format_of_name(ending)].is_only_reader;
 }
 
-static void free_arrays(plain_mesh *m)
-{
-    free(m->vertex);
-    free(m->triangle);
-    free(m->corner);
-    free(m->polygon_size);
-    free(m->polygon_corner);
-}
-
 static bool read_as(const char *ending, const char *data, size_t size, bool keeps_polygons, plain_mesh *out)
 {
     const mesh_format *format = &readers[file_format_of_name(ending)];
@@ -324,9 +148,9 @@ static bool read_as(const char *ending, const char *data, size_t size, bool keep
     if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
-    free_arrays(out);
     plain_mesh left = {.refused = out->refused, .unit = out->unit, .is_quantised = out->is_quantised};
     memcpy(left.text, out->text, sizeof left.text);
+    plain_mesh_free(out);
     *out = left;
     return false;
 }
@@ -339,10 +163,4 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     return read_as(ending, data, size, true, out);
-}
-
-void plain_mesh_free(plain_mesh *m)
-{
-    free_arrays(m);
-    *m = (plain_mesh){0};
 }

@@ -55,7 +55,9 @@ static void free_mesh(polygon_mesh *p)
 static bool read_mesh(const attachment_file *file, size_t memory_limit, polygon_mesh *out, error *e)
 {
     const mesh_file from = {file->fd, file->path, NULL, memory_limit};
-    if (!mesh_file_read_polygons(&from, &out->m, &out->polygons, e)) return false;
+    if (!(file->array ? mesh_array_read_polygons(file->array, memory_limit, &out->m, &out->polygons, e)
+                      : mesh_file_read_polygons(&from, &out->m, &out->polygons, e)))
+        return false;
     for (size_t k = 0; k < out->m.vertex_count; k++) {
         const vec3 v = out->m.vertex[k];
         out->m.vertex[k] = affine_apply(file->to_world, v.x, v.y, v.z);

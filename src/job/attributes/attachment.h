@@ -17,6 +17,7 @@
 #include "base/core/error.h"
 #include "io/points/points.h"
 #include "geometry/space/vec3.h"
+#include "io/meshes/mesh_array.h"
 #include "surface/triangles/mesh_patches.h"
 
 /* The properties that determine the indices of polygons, corners and vertices. */
@@ -31,8 +32,9 @@ char *attachment_comment(size_t index, const attachment_topology *topology);
 bool attachment_parse_comment(const char *line, size_t *index, attachment_topology *out);
 
 typedef struct attachment_file {
-    int fd;           /* open for reading, at any offset; stays the caller's */
-    const char *path; /* for messages; its extension determines the format */
+    int fd;                  /* open for reading, at any offset; stays the caller's */
+    const char *path;        /* for messages; its extension determines the format */
+    const mesh_array *array; /* read instead of the file; or NULL */
     double to_world[3][4];
     attachment_topology topology; /* result of attachment_find; required by attachment_evaluate */
 } attachment_file;

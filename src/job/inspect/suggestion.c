@@ -138,7 +138,7 @@ bool suggestion_append(json *list, json *shape, double voxels, const run_options
     json *document = spec_of(shape, FEWEST), *item = json_new_object();
     spec *s = spec_parse(document, NULL, &fault);
     job j = {.spec = s, .options = options};
-    progress_begin(&j.progress, options->progress_fd, false);
+    progress_begin(&j.progress, options->progress_fd, false, options->listener);
     bool unopened = voxels * (double)(json_size(json_root(list)) + 1) > MOST_VOXELS;
     if (unopened) describe_unseen(NULL, shape, item);
     bool ok = unopened || (s && look(&j, shape, MOST_CELLS - cells_scanned(list), item, &fault));

@@ -346,6 +346,7 @@ static bool read_attributes(job *j, error *e)
 static bool write_files(job *j, error *e)
 {
     attach *a = (attach *)j;
+    const delivery *to = &j->options->delivery;
     char *comments = surface_meshes_comments(&a->meshes);
     progress_enter(&j->progress, PROGRESS_WRITE);
     const results_input in = {.spec = j->spec,
@@ -356,7 +357,7 @@ static bool write_files(job *j, error *e)
                               .h = a->spacing};
     const bool ok =
         attributes_check_named(j->spec, &a->set, e) &&
-        results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
+        to->points(to->context, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
     free(comments);
     return ok;
 }
@@ -401,7 +402,7 @@ static void begin(attach *a, const spec *s, const run_options *options)
 {
     *a = (attach){.job = {.spec = s, .options = options}, .warnings = json_new_array()};
     a->job.report = json_new_object();
-    progress_begin(&a->job.progress, options->progress_fd, options->progress_bar);
+    progress_begin(&a->job.progress, options->progress_fd, options->progress_bar, options->listener);
     snapshot_begin(&a->job.snapshot, NULL);
 }
 
@@ -422,12 +423,13 @@ bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome
     static job_phase *const phases[] = {load, place, read_attributes, write_files};
     attach a;
     begin(&a, s, options);
-    bool ok = store_directory_create(options->output, e) && results_remove(options->output, e) &&
+    bool ok = options->delivery.begin(options->delivery.context, e) &&
               job_run_phases(&a.job, phases, sizeof phases / sizeof *phases, e);
     progress_end(&a.job.progress);
     if (ok) {
         fill_report(&a);
-        ok = job_may_continue(&a.job, e) && results_write_report(options->output, a.job.report, e);
+        ok = job_may_continue(&a.job, e) &&
+             options->delivery.report(options->delivery.context, a.job.report, e);
     }
     if (ok) {
         *outcome = OUTCOME_CONVERGED;

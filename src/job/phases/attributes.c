@@ -99,6 +99,10 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
         out->request.stack = &out->stack;
         return true;
     }
+    if (source_arrays_find(from->arrays, out->request.path))
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "/attributes: the array \"%s\" has no attributes: sample them at the points",
+                         out->request.path);
     out->fd = out->request.fd = source_open_file(from, out->request.path, e);
     return out->fd >= 0;
 }

@@ -171,7 +171,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     json *estimate = NULL;
     job j = {.spec = s, .options = options};
     if (s->attach) return attach_estimate(s, options, e);
-    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar, options->listener);
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
         /* Some work uses all threads, some only one. Its time is at most that of the clock, which other
          * processes lengthen, and at most the CPU time of all threads. */

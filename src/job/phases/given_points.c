@@ -27,8 +27,13 @@ enum { GRAIN = 256 };
 
 static const char what[] = "the given points";
 
-static bool read_file(const spec *s, source *from, size_t memory_limit, given_points *out, error *e)
+static bool read_input(const spec *s, source *from, size_t memory_limit, given_points *out, error *e)
 {
+    const source_array *given = source_arrays_find(from->arrays, s->points.path);
+    if (given)
+        return source_array_check(given, SOURCE_ARRAY_POINTS, e) &&
+               (mesh_array_read_points(&given->points, memory_limit, &out->world, &out->count, e) ||
+                error_prefix(e, "%s", s->points.path));
     const int fd = source_open_file(from, s->points.path, e);
     if (fd < 0) return false;
     const mesh_file file = {.fd = fd, .path = s->points.path, .memory_limit = memory_limit};
@@ -41,7 +46,7 @@ bool given_points_read(const spec *s, source *from, size_t memory_limit, given_p
 {
     *out = (given_points){0};
     if (!s->has_points) return true;
-    if (!read_file(s, from, memory_limit, out, e)) return false;
+    if (!read_input(s, from, memory_limit, out, e)) return false;
     out->position = mem_array(out->count, sizeof *out->position, what, e);
     if (!out->position) return false;
     for (size_t i = 0; i < out->count; i++)

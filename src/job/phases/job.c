@@ -41,7 +41,7 @@ void job_free_solution(solution *s)
 /* Replaces the code cancelled, which stopped loops report for any reason. */
 bool job_may_continue(const job *j, error *e)
 {
-    int stop = j->options->cancel ? *j->options->cancel : 0;
+    int stop = j->options->cancel ? __atomic_load_n(j->options->cancel, __ATOMIC_RELAXED) : 0;
     if (stop == SIGALRM)
         return error_set(e, ERROR_LIMIT_TIME,
                          "the job exceeded limits.timeout_s = %g s: raise it, or ask for fewer points",
@@ -146,12 +146,13 @@ bool job_load(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_LOAD);
     bool ok = job_make_pool(j, e) && fits_memory(j, (double)s->count, e) && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
-              source_open(s, j->options->roots,
+              source_open(s, j->options->roots, j->options->arrays,
                           &(source_memory_limits){j->memory, run_options_most_memory(j->options)}, j->isa,
                           j->pool, &j->source, e) &&
               check_label_meshes(j, e) && given_points_read(s, &j->source, memory_left(j), &j->given, e) &&
               attributes_find(s, &j->source, j->memory, &j->attributes, e);
-    j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN); /* readers run one after another */
+    /* readers run one after another */
+    if (!j->options->is_hosted) j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN);
     return ok;
 }
 
@@ -160,8 +161,17 @@ report_timing job_timing(const job *j)
     return (report_timing){j->progress.start_ms, PROGRESS_PHASES, progress_phase_names, j->progress.phase_ms};
 }
 
+/* What the job accounts for: its surface and its points, as they are held against the memory limit. */
+static int64_t accounted_memory(const job *j)
+{
+    const double count = (double)solver_result_points(j->solution.solver)->count;
+    return (int64_t)((double)source_memory(&j->source) + given_points_bytes(&j->given) +
+                     count * job_bytes_per_particle(j));
+}
+
 int64_t job_peak_memory(const job *j)
 {
+    if (j->options->is_hosted) return accounted_memory(j);
     int64_t own = own_peak();
     return own > j->load_peak ? own : j->load_peak;
 }
@@ -766,6 +776,7 @@ bool job_write_points(job *j, error *e)
                         .corners = s->triangles,
                         .h = solver_spacing(s->solver),
                         .frame = j->options->frame};
+    const delivery *to = &j->options->delivery;
     mesh_projection l;
     vec3 *turned = NULL;
     point_curvature *curvature = NULL;
@@ -799,8 +810,7 @@ bool job_write_points(job *j, error *e)
     in.comments = comments;
     ok = ok && find_kept(j, &order, set.count, &kept, e);
     in.kept = kept;
-    ok = ok && results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"),
-                             &j->results, e);
+    ok = ok && to->points(to->context, &in, j->pool, json_put_array(j->report, "outputs"), &j->results, e);
     free(comments);
     j->attributes.curvature = NULL;
     point_order_free(&order);
@@ -817,7 +827,7 @@ static void leave_job(void *context)
     const job *j = context;
     error e = {0};
     job_may_continue(j, &e);
-    results_clear(j->options->output);
+    j->options->delivery.clear(j->options->delivery.context);
     snapshot_end(&j->snapshot);
     j->options->leave(&e);
 }

@@ -12,7 +12,7 @@
 #include "job/phases/given_points.h"
 #include "job/phases/point_order.h"
 #include "job/phases/progress.h"
-#include "job/phases/results.h"
+#include "job/phases/results_input.h"
 #include "job/phases/run_options.h"
 #include "job/phases/sequence.h"
 #include "job/phases/snapshot.h"

@@ -7,7 +7,7 @@
 #define HEXAD_JOB_PHASES_PICTURES_H
 
 #include "io/points/quantity.h"
-#include "job/phases/results.h"
+#include "job/phases/results_input.h"
 
 /* Writes the pictures of output.preview, with this look or with the values of output.preview.attribute.
  * Errors: those of results_write; not_supported in a build without pictures. */

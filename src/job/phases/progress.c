@@ -23,10 +23,11 @@ static const int64_t INTERVAL_MS = 100;
 static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
 static const double PACE_S = 4;
 
-void progress_begin(progress *p, int fd, bool bar)
+void progress_begin(progress *p, int fd, bool bar, progress_listener listener)
 {
     int64_t now = clock_monotonic_ms();
-    *p = (progress){.fd = fd, .bar = bar, .start_ms = now, .entered_ms = now, .phase = -1};
+    *p = (progress){
+        .fd = fd, .bar = bar, .listener = listener, .start_ms = now, .entered_ms = now, .phase = -1};
     pthread_mutex_init(&p->lock, NULL);
 }
 
@@ -73,6 +74,7 @@ static void report(progress *p, const progress_numbers *n)
     p->written_ms = now;
     p->fraction = whole_fraction(p, n, now);
     if (p->bar) draw_bar(p, n, elapsed);
+    if (p->listener.hear) p->listener.hear(p->listener.context, (progress_phase)p->phase, p->fraction, n);
     if (p->fd < 0) return;
     json *line = json_new_object();
     json_put_string(line, "phase", progress_phase_names[p->phase]);
@@ -117,7 +119,8 @@ void progress_enter(progress *p, progress_phase phase)
 
 static void report_if_due(progress *p)
 {
-    if ((p->fd >= 0 || p->bar) && p->phase >= 0 && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS)
+    if ((p->fd >= 0 || p->bar || p->listener.hear) && p->phase >= 0 &&
+        clock_monotonic_ms() - p->written_ms >= INTERVAL_MS)
         report(p, &p->last);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* progress: a running job's progress, as JSON lines on a descriptor.
+/* progress: a running job's progress, as JSON lines on a descriptor, or through a function.
  *
  * At most ten lines per second; the first line of a phase is always written. A line that the reader cannot
  * accept at once is dropped. doc/worker.md lists the members. One thread runs the job; another one may call
@@ -33,9 +33,17 @@ typedef struct progress_numbers {
     double energy_excess, rms_step, mean_log10_lambda;
 } progress_numbers;
 
+/* Receives the progress: at most ten times per second, and when a phase begins. Called by the thread of the job or
+ * by the one that calls progress_tick, one at a time. `fraction`: 0 .. 1 of the job. */
+typedef struct progress_listener {
+    void (*hear)(void *context, progress_phase phase, double fraction, const progress_numbers *numbers);
+    void *context;
+} progress_listener;
+
 typedef struct progress {
     int fd;                            /* lines are written here; -1: no lines */
     bool bar;                          /* also draw a bar on standard error */
+    progress_listener listener;        /* its function may be NULL */
     int64_t start_ms;                  /* of the job, monotonic */
     int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
     int64_t entered_ms, written_ms;
@@ -45,7 +53,7 @@ typedef struct progress {
     pthread_mutex_t lock;
 } progress;
 
-void progress_begin(progress *p, int fd, bool bar);
+void progress_begin(progress *p, int fd, bool bar, progress_listener listener);
 void progress_enter(progress *p, progress_phase phase);
 void progress_update(progress *p, const progress_numbers *numbers);
 

@@ -3,31 +3,22 @@
 
 #include <dirent.h>
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
-#include "base/core/precision.h"
-#include "surface/field/patches.h"
 #include "io/points/column.h"
 #include "io/points/ply.h"
 #include "io/points/property.h"
-#include "io/points/quantity.h"
 #include "io/points/writers.h"
-#include "job/phases/chord_error.h"
-#include "job/phases/instances.h"
 #include "job/phases/label_meshes.h"
 #include "job/phases/layout.h"
-#include "job/phases/fault_repair.h"
-#include "job/phases/patch_meshes.h"
+#include "job/phases/output_points.h"
 #include "job/phases/outputs.h"
 #include "job/phases/pictures.h"
 #include "job/phases/snapshot.h"
-#include "job/report/outcome.h"
-#include "sampling/solver/curves/curve_chains.h"
 #include "files/file.h"
 #include "files/late_commit.h"
 #include "io/vdb/vdb.h"
@@ -40,113 +31,11 @@ static const char *const names[] = {
     WORKER_PREVIEW_NAME, "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
 enum { NAMES = sizeof names / sizeof names[0] };
 
+/* A file of at most this many points is written by the calling thread: starting another one takes as long. */
+enum { FEW_POINTS = 4096 };
+
 /* Voxel size of points.vdb, in spacings. */
 static const double POINTS_VOXEL = 3;
-
-static vec3 as_floats(vec3 x)
-{
-    return vec3_make(precision_as_float(x.x), precision_as_float(x.y), precision_as_float(x.z));
-}
-
-/* Points in a chunk of work. */
-enum { GRAIN = 4096 };
-
-typedef struct residual_job {
-    const field *field;
-    const points *set;
-    const bool *kept;
-    bool as_float;
-    double *worst, *sum2; /* per chunk: maximum and sum of squares of |F| / |grad F| */
-} residual_job;
-
-static void residual_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const residual_job *job = context;
-    double worst = 0, sum2 = 0;
-    uint32_t hint = FIELD_NO_HINT;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        vec3 x = job->set->position[i];
-        if (job->kept && job->kept[i]) continue;
-        if (job->as_float) x = as_floats(x);
-        field_sample s = {0};
-        double length =
-            field_sample_near(job->field, x, FIELD_GRADIENT, &hint, &s) ? vec3_norm(s.gradient) : 0;
-        const double off = length > 0 ? fabs(s.value) / length : INFINITY;
-        worst = fmax(worst, off);
-        sum2 += off * off;
-    }
-    job->worst[begin / GRAIN] = worst;
-    job->sum2[begin / GRAIN] = sum2;
-}
-
-/* Measures the residuals of the positions, rounded to floats or not, over h. */
-static void measure_residuals(const results_input *in, bool as_float, threads *pool, report_outputs *out)
-{
-    if (!in->field) return;
-    const size_t chunks = in->set->count / GRAIN + 1;
-    size_t measured = in->set->count;
-    for (size_t i = 0; in->kept && i < in->set->count; i++) measured -= in->kept[i];
-    residual_job job = {in->field,
-                        in->set,
-                        in->kept,
-                        as_float,
-                        mem_alloc(chunks * sizeof *job.worst),
-                        mem_alloc(chunks * sizeof *job.sum2)};
-    double worst = 0, sum2 = 0;
-    threads_run(pool, in->set->count, GRAIN, residual_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) {
-        worst = fmax(worst, job.worst[k]);
-        sum2 += job.sum2[k];
-    }
-    free(job.worst);
-    free(job.sum2);
-    out->max_residual = worst / in->h;
-    out->rms_residual = sqrt(sum2 / (double)measured) / in->h;
-}
-
-typedef struct rounding_job {
-    const points *set;
-    vec3 origin;
-    double *worst; /* maximum of each chunk */
-} rounding_job;
-
-static void rounding_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const rounding_job *job = context;
-    double worst = 0;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        const vec3 x = vec3_sub(job->set->position[i], job->origin);
-        worst = fmax(worst, vec3_norm(vec3_sub(x, as_floats(x))));
-    }
-    job->worst[begin / GRAIN] = worst;
-}
-
-/* The largest error of floats relative to the origin, over h. */
-static double largest_rounding(const points *set, vec3 origin, double h, threads *pool)
-{
-    const size_t chunks = set->count / GRAIN + 1;
-    rounding_job job = {set, origin, mem_alloc(chunks * sizeof *job.worst)};
-    double worst = 0;
-    threads_run(pool, set->count, GRAIN, rounding_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) worst = fmax(worst, job.worst[k] / h);
-    free(job.worst);
-    return worst;
-}
-
-/* An origin near the centre, rounded to steps of about the longest side. Frames of a sequence that move less
- * mostly have the same origin, so that programs that interpolate translations between frames do not change
- * it. */
-static vec3 origin_of(const points *set)
-{
-    bbox box = bbox_empty();
-    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
-    vec3 middle = vec3_scale(vec3_add(box.min, box.max), 0.5);
-    const double step = bbox_longest(box) > 0 ? exp2(ceil(log2(bbox_longest(box)))) : 0;
-    for (int k = 0; step > 0 && k < 3; k++) vec3_set(&middle, k, step * round(vec3_get(middle, k) / step));
-    return middle;
-}
 
 /* Writes points.ply or a mesh; `job` has the points, and is completed here. With `beside` it is written by
  * another thread while other outputs are written, if it is large enough and binary: text uses all threads. */
@@ -157,7 +46,7 @@ static late_commit *begin_ply(const char *directory, const char *name, const spe
     store_file file = {0};
     job->format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     job->precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    beside = beside && job->format != PLY_ASCII && job->set->count > GRAIN && threads_count(pool) > 1;
+    beside = beside && job->format != PLY_ASCII && job->set->count > FEW_POINTS && threads_count(pool) > 1;
     job->pool = beside ? threads_beside(pool) : pool;
     const char *const *wanted = (const char *const *)s->ply_properties;
     const bool ok = columns_choose(job->set, wanted, s->ply_property_count, &job->what, e) &&
@@ -202,10 +91,10 @@ static bool write_formats(const char *directory, const results_input *in, const 
         s->frame_count == 0 || layout_make(s->directory, s->frame, s->frame_count, in->frame, &frames, e);
     const scene place = {in->y_up,  origin,        NULL,           frames.count,
                          in->frame, frames.frames, frames.folders, frames.below};
-    scene instanced = place; /* instances always have an origin: that of the scene, or origin_of */
+    scene instanced = place; /* instances always have an origin: that of the scene, or output_points_origin */
     if (in->instancer) {
         instanced.instancer = in->instancer;
-        if (vec3_norm(origin) == 0) instanced.origin = origin_of(set);
+        if (vec3_norm(origin) == 0) instanced.origin = output_points_origin(set);
     }
     const bool *asked = of_mesh ? s->mesh_in : s->points_in;
     const int parts = s->frame_count > 0 && s->frame[0] == in->frame ? WRITER_PARTS : WRITER_SEQUENCE;
@@ -217,20 +106,6 @@ static bool write_formats(const char *directory, const results_input *in, const 
                              writers[k].has_instances && !of_mesh ? &instanced : &place, of_mesh, outputs, e);
     layout_free(&frames);
     return ok;
-}
-
-static bool is_within_patch(const void *context, uint32_t label, vec3 x)
-{
-    return field_is_within(field_of_patch(context, label), x);
-}
-
-/* The labels on both sides of each triangle; the caller frees them. */
-static int64_t (*labels_of(const triangulation *made, const label_surface *labels, error *e))[2]
-{
-    int64_t(*out)[2] = mem_array(made->facts.triangles, sizeof *out, "the labels of triangles", e);
-    for (size_t k = 0; out && k < made->facts.triangles; k++)
-        label_surface_sides(labels, made->label[k], out[k]);
-    return out;
 }
 
 static void describe_label_mesh(json *list, int64_t label, const char *name, const label_mesh_part *part)
@@ -269,96 +144,17 @@ static bool write_label_meshes(const char *directory, const results_input *in, c
     return ok;
 }
 
-/* Maximum points of a segmentation for a repair of its patches: the pieces of the mesh would take
- * gigabytes. */
-static const size_t most_of_patches = 200000;
-
-static bool copy_known(const results_input *in, const triangulation_input *sites, threads *pool,
-                       triangulation *out, error *e)
-{
-    *out = (triangulation){.corner = mem_array(in->corners, sizeof *out->corner, "mesh.ply", e),
-                           .facts.triangles = in->corners};
-    if (!out->corner) return false;
-    memcpy(out->corner, in->corner, in->corners * sizeof *out->corner);
-    return triangulation_survey(sites, pool, out, e);
-}
-
-/* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not
- * a manifold, repairs it along the mesh. */
-static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
-                        triangulation *out, error *e)
-{
-    error why = {0};
-    if (in->corner) return copy_known(in, sites, pool, out, e);
-    if (!triangulation_make(sites, pool, out, e)) return false;
-    const bool on_patches =
-        in->labels && in->sampled == label_surface_field(in->labels) && sites->count <= most_of_patches;
-    if (!(in->triangles || on_patches) || triangulation_is_manifold(&out->facts)) return true;
-    const bool ok = on_patches
-                        ? patch_meshes_repair(sites, label_surface_patches(in->labels), pool, out, &why)
-                        : fault_repair_along(sites, in->triangles, pool, out, &why);
-    if (ok || why.code == ERROR_LIMIT_MEMORY) return true; /* keep the present triangulation */
-    if (e) *e = why;
-    return false;
-}
-
-/* Replaces indices in the order of the solver by indices in the order of the outputs. The lowest index of a
- * triangle comes first, as in triangulation.h. */
-static void renumber(triangulation *made, const uint32_t *place)
-{
-    for (size_t k = 0; k < made->facts.triangles; k++) {
-        uint32_t *c = made->corner[k];
-        const uint32_t to[3] = {place[c[0]], place[c[1]], place[c[2]]};
-        const int first = to[0] < to[1] ? (to[0] < to[2] ? 0 : 2) : to[1] < to[2] ? 1 : 2;
-        for (int corner = 0; corner < 3; corner++) c[corner] = to[(first + corner) % 3];
-    }
-}
-
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
                        json *outputs, report_outputs *out, error *e)
 {
-    const points *set = in->set;
-    const solver_patch_points *stands = &in->solved->patch_points;
-    const field_patches *patches = in->sampled->patches;
-    size_t side_count = 0;
-    uint32_t(*side)[2] = patches ? curve_chains_steps(patches, in->solved, &side_count) : NULL;
-    const triangulation_input sites = {.count = stands->count,
-                                       .position = stands->position,
-                                       .normal = stands->normal,
-                                       .spacing = stands->spacing,
-                                       .open = in->sampled->open,
-                                       .domain = in->sampled->boundary_box,
-                                       .label = stands->patch,
-                                       .flags = stands->flags,
-                                       .point = stands->point,
-                                       .points = set->count,
-                                       .side = (const uint32_t(*)[2])side,
-                                       .side_count = side_count,
-                                       .is_within = is_within_patch,
-                                       .context = in->sampled};
-    triangulation made;
-    int64_t(*labels)[2] = NULL;
-    points vertices = *set;
-    bool ok = triangulate(in, &sites, pool, &made, e);
-    if (ok && in->place) renumber(&made, in->place);
-    vertices.triangle_count = made.facts.triangles;
-    vertices.triangle = (const uint32_t(*)[3])made.corner;
-    if (ok && in->labels) {
-        ok = (labels = labels_of(&made, in->labels, e)) != NULL;
-        vertices.triangle_labels = (const int64_t(*)[2])labels;
-    }
-    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
-    ok = ok && write_formats(directory, in, &vertices, true, out->origin, outputs, e);
+    output_mesh made;
+    bool ok = output_mesh_make(in, in->set, pool, &made, out, e);
+    ok = ok && write_ply(directory, "mesh.ply", in->spec, &made.vertices, as_float, pool, outputs, e);
+    ok = ok && write_formats(directory, in, &made.vertices, true, out->origin, outputs, e);
     if (ok && in->spec->has_label_meshes)
-        ok = write_label_meshes(directory, in, &vertices, as_float, pool, outputs,
+        ok = write_label_meshes(directory, in, &made.vertices, as_float, pool, outputs,
                                 out->label_meshes = json_new_array(), e);
-    if (ok) out->mesh = made.facts;
-    if (ok && in->field && in->spec->curvature.chord_error > 0)
-        out->chord_error = chord_error_largest(in->field, set->position, vertices.triangle,
-                                               vertices.triangle_count, in->h, pool);
-    free(labels);
-    triangulation_free(&made);
-    free(side);
+    output_mesh_free(&made);
     return ok;
 }
 
@@ -433,41 +229,10 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
     return ok;
 }
 
-/* The look of pictures; values of an attribute are added later. */
-static quantity_look look_of(const spec *s)
-{
-#define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
-    static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
-#undef SHOWN
-#define MAP(prefix, name, word) [SPEC_MAP_COLORS_##name] = prefix##_##name,
-    static const colormap_map maps[] = {SPEC_MAP_COLORS_LIST(MAP, COLORMAP)};
-#undef MAP
-    quantity_look look = {.which = shown[s->preview_color], .map = maps[s->preview_map]};
-    if (s->preview_range_count > 0) {
-        look.low = s->preview_range[0];
-        look.high = s->preview_range[1];
-    } else if (look.which == QUANTITY_SPACING && s->frame_count > 0 && s->min_spacing < s->max_spacing) {
-        look.low = s->min_spacing; /* the same scale for all frames, from the spec alone */
-        look.high = s->max_spacing;
-    }
-    return look;
-}
-
-/* The look of the points' own colours: the pictures' map, and their range if both show the same quantity. */
-static quantity_look look_of_points(const spec *s)
-{
-    quantity_look look = {.which = s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE};
-    if (!s->has_preview) return look;
-    const quantity_look pictures = look_of(s);
-    if (pictures.which == look.which) return pictures;
-    look.map = pictures.map;
-    return look;
-}
-
 static bool write_pictures(const char *directory, const results_input *in, threads *pool, json *outputs,
                            error *e)
 {
-    const quantity_look look = look_of(in->spec);
+    const quantity_look look = output_points_look(in->spec);
     return pictures_write_preview(directory, in, &look, pool, outputs, e);
 }
 
@@ -479,58 +244,32 @@ static bool needs_color(const spec *s)
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
-bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
-                   report_outputs *out, error *e)
+static bool write_points(void *context, const results_input *in, threads *pool, json *outputs,
+                         report_outputs *out, error *e)
 {
+    const char *directory = context;
     const spec *s = in->spec;
-    bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    report_outputs facts = {.y_up = in->y_up, .has_mesh = s->has_mesh};
-    measure_residuals(in, as_float, pool, &facts);
-    const bool is_coarse = largest_rounding(in->set, (vec3){0, 0, 0}, in->h, pool) > OUTCOME_RESIDUAL;
-    if (is_coarse) {
-        facts.origin = origin_of(in->set);
-        facts.rounding = largest_rounding(in->set, facts.origin, in->h, pool);
-    }
-    if (as_float && (is_coarse || !(facts.max_residual <= OUTCOME_RESIDUAL))) {
-        as_float = false;
-        measure_residuals(in, false, pool, &facts);
-        facts.widened = true;
-    }
-    points colored = *in->set;
-    results_input with_color = *in;
+    output_points final;
+    report_outputs facts;
     store_facts ply;
-    ply_job job = {.set = &colored, .comments = in->comments};
+    late_commit *late = NULL;
+    bool ok = output_points_make(in, needs_color(s), pool, &final, &facts, e);
+    ply_job job = {.set = &final.set, .comments = in->comments, .pool = pool};
+    results_input whole = *in;
+    whole.set = &final.set;
+    if (s->has_instancer) whole.instancer = &final.turned.scene;
     json *const told = outputs_add(outputs, "points.ply");
-    vec3 *color = NULL;
-    instances turned = {0};
-    with_color.set = &colored;
-    if (!instances_make(s, in->set, &turned, e)) {
-        instances_free(&turned);
-        return false;
-    }
-    if (s->has_orient) colored.orient = turned.orient;
-    if (s->has_instancer) with_color.instancer = &turned.scene;
-    if (!colored.color && needs_color(s)) {
-        colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
-        const quantity_look look = look_of_points(s);
-        if (!color || !quantity_colors(&colored, &look, color, e)) {
-            free(color);
-            instances_free(&turned);
-            return false;
-        }
-    }
-    late_commit *late =
-        begin_ply(directory, "points.ply", s, as_float, pool, spec_has_other_outputs(s), &job, e);
-    bool ok = late &&
-              (!s->points_in[FILE_FORMAT_VDB] || write_points_vdb(directory, &with_color, outputs, e)) &&
-              write_formats(directory, &with_color, &colored, false, facts.origin, outputs, e) &&
-              (!s->has_mesh || write_mesh(directory, &with_color, as_float, pool, outputs, &facts, e)) &&
-              (!s->has_preview || write_pictures(directory, &with_color, pool, outputs, e)) &&
-              (!s->has_convergence || pictures_write_convergence(directory, in, outputs, e));
+    if (ok)
+        late =
+            begin_ply(directory, "points.ply", s, final.as_float, pool, spec_has_other_outputs(s), &job, e);
+    ok = late && (!s->points_in[FILE_FORMAT_VDB] || write_points_vdb(directory, &whole, outputs, e)) &&
+         write_formats(directory, &whole, &final.set, false, facts.origin, outputs, e) &&
+         (!s->has_mesh || write_mesh(directory, &whole, final.as_float, pool, outputs, &facts, e)) &&
+         (!s->has_preview || write_pictures(directory, &whole, pool, outputs, e)) &&
+         (!s->has_convergence || pictures_write_convergence(directory, in, outputs, e));
     if (late) ok = late_commit_end(late, &ply, e) && ok && store_directory_sync(directory, e);
     if (job.pool != pool) threads_free(job.pool);
-    free(color);
-    instances_free(&turned);
+    output_points_free(&final);
     if (ok) {
         outputs_put_facts(told, &ply);
         *out = facts;
@@ -578,8 +317,9 @@ static bool write_summary(const char *directory, const json *report, size_t repo
     return ok;
 }
 
-bool results_write_report(const char *directory, const json *report, error *e)
+static bool write_report(void *context, const json *report, error *e)
 {
+    const char *directory = context;
     char *path = mem_printf("%s/report.json", directory), *text = json_print_pretty(report);
     size_t length = strlen(text);
     store_file file = {0};
@@ -631,9 +371,9 @@ static bool for_each_result(const char *directory, bool (*act)(const char *path,
     return ok;
 }
 
-bool results_remove(const char *directory, error *e)
+static bool remove_earlier(void *context, error *e)
 {
-    return for_each_result(directory, store_remove, e);
+    return store_directory_create(context, e) && for_each_result(context, store_remove, e);
 }
 
 static bool clear_unfinished(const char *path, error *e)
@@ -643,7 +383,13 @@ static bool clear_unfinished(const char *path, error *e)
     return true;
 }
 
-void results_clear(const char *directory)
+static void clear_directory(void *context)
 {
-    for_each_result(directory, clear_unfinished, NULL);
+    for_each_result(context, clear_unfinished, NULL);
+}
+
+delivery results_in_directory(const char *directory)
+{
+    return (delivery){(void *)(uintptr_t)directory, remove_earlier, write_points, write_report,
+                      clear_directory};
 }

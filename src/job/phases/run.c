@@ -9,7 +9,6 @@
 #include "job/report/report.h"
 #include "job/source/plan.h"
 #include "job/phases/time_target.h"
-#include "files/file.h"
 
 static bool start(job *j, error *e)
 {
@@ -74,6 +73,7 @@ static outcome_input outcome_input_of(const job *j)
 static bool write_report(job *j, outcome_kind *outcome, error *e)
 {
     const solution *s = &j->solution;
+    const delivery *to = &j->options->delivery;
     const outcome_input judged = outcome_input_of(j);
     const outcome_result v = outcome_evaluate(&judged);
     json *warnings = json_new_array();
@@ -108,13 +108,7 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
     avoided_points_describe(&j->avoided, j->report);
     if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
     *outcome = v.outcome;
-    return job_may_continue(j, e) && results_write_report(j->options->output, j->report, e);
-}
-
-/* Removes the results of an earlier run, which would not belong to this run's report. */
-static bool prepare_output(const char *directory, error *e)
-{
-    return store_directory_create(directory, e) && results_remove(directory, e);
+    return job_may_continue(j, e) && to->report(to->context, j->report, e);
 }
 
 bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
@@ -122,11 +116,11 @@ bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, j
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
     if (s->attach) return attach_run(s, options, outcome, report, e);
-    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar, options->listener);
     snapshot_begin(&j.snapshot, options->progress_fd >= 0 ? options->output : NULL);
     j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
-    bool ok =
-        prepare_output(options->output, e) && job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
+    bool ok = options->delivery.begin(options->delivery.context, e) &&
+              job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
     progress_end(&j.progress);
     snapshot_end(&j.snapshot);
     ok = ok && write_report(&j, outcome, e);

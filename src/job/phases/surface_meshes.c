@@ -31,10 +31,13 @@ static bool open_part(const spec_surface *s, const double m[3][4], source *from,
     if (s->kind == SPEC_SURFACE_TRANSFORM) surface_append_transform(s, to_world);
     if (s->kind == SPEC_SURFACE_MESH) {
         attachment_file *file = &out->file[out->count];
-        *file = (attachment_file){.fd = source_open_file(from, s->mesh.path, e), .path = s->mesh.path};
+        const source_array *given = source_arrays_find(from->arrays, s->mesh.path);
+        *file = (attachment_file){.fd = given ? -1 : source_open_file(from, s->mesh.path, e),
+                                  .path = s->mesh.path,
+                                  .array = given ? &given->mesh : NULL};
         memcpy(file->to_world, to_world, sizeof to_world);
-        out->count += file->fd >= 0;
-        return file->fd >= 0;
+        out->count += given || file->fd >= 0;
+        return given || file->fd >= 0;
     }
     for (size_t k = 0; k < s->part_count; k++)
         if (!open_part(s->parts[k], (const double(*)[4])to_world, from, out, e)) return false;
@@ -55,7 +58,8 @@ bool surface_meshes_open(const spec_surface *s, source *from, surface_meshes *ou
 
 void surface_meshes_close(surface_meshes *m)
 {
-    for (size_t k = 0; k < m->count; k++) close(m->file[k].fd);
+    for (size_t k = 0; k < m->count; k++)
+        if (m->file[k].fd >= 0) close(m->file[k].fd);
     free(m->file);
     *m = (surface_meshes){0};
 }

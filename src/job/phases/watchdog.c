@@ -44,7 +44,7 @@ static void *look(void *argument)
         pthread_cond_timedwait(&w->ended, &w->lock, &until);
         if (w->end) break;
         if (p->progress) due_ms = progress_tick(p->progress);
-        if (!p->cancel || !*p->cancel || !p->leave) continue;
+        if (!p->cancel || !__atomic_load_n(p->cancel, __ATOMIC_RELAXED) || !p->leave) continue;
         if (told_ms < 0) told_ms = clock_monotonic_ms();
         /* under the lock, so that `leave` is never called after watchdog_end */
         if (clock_monotonic_ms() - told_ms >= PATIENCE_MS) p->leave(p->context);

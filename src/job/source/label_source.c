@@ -125,6 +125,11 @@ label_surface *label_source_open(const label_source_request *request, error *e)
 {
     const spec_labels *l = request->how.spec;
     const bool is_vdb = l->path && file_format_of_name(l->path) == FILE_FORMAT_VDB;
+    if (request->array) {
+        label_surface_request of_array = request->how;
+        of_array.from = request->array;
+        return label_surface_open(&of_array, e);
+    }
     if (!request->stack && !request->directory && (l->grid || is_vdb))
         return request->voxel_size || l->has_level ? refuse_members(e) : open_vdb(request, e);
     const volume_file file = {.fd = request->fd,

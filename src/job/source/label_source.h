@@ -16,6 +16,7 @@ typedef struct label_source_request {
     const slices_directory *directory; /* read instead of the file; or NULL */
     int64_t most_chunks;               /* maximum number of chunks that are read */
     const vec3 *voxel_size;            /* overrides the size in the file; or NULL */
+    slices *array;                     /* read instead of the file; owned by the caller; or NULL */
 } label_source_request;
 
 /* Errors: those of label_surface_open and of the readers; not_supported. Messages do not contain the path. */

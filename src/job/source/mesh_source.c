@@ -401,7 +401,9 @@ bool mesh_source_open(const mesh_source_request *request, volume **as_volume, me
     mesh_notes read = {0};
     mesh_source_request moved = *request;
     bbox region;
-    if (!mesh_file_read(&file, &w.m, &read, e)) return error_prefix(e, "%s", v->path);
+    if (!(request->array ? mesh_array_read(request->array, file.memory_limit, &w.m, &read, e)
+                         : mesh_file_read(&file, &w.m, &read, e)))
+        return error_prefix(e, "%s", v->path);
     bool ok = flat_triangles_remove(&w.m, v->pool, &read, e);
     *origin = ok && request->may_move ? far_origin(&w.m, v->pool) : vec3_make(0, 0, 0);
     if (vec3_norm(*origin) > 0) move_to_origin(&w.m, *origin);

@@ -7,6 +7,7 @@
 
 #include "base/core/error.h"
 #include "base/json/json.h"
+#include "io/meshes/mesh_array.h"
 #include "surface/triangles/mesh_surface.h"
 #include "spec/spec.h"
 #include "surface/volume/volume.h"
@@ -23,8 +24,9 @@ typedef struct mesh_source_request {
     bool resolve;
     const double (*to_world)[4]; /* transform that is applied to patches; or NULL */
     const bbox *region;          /* box to which patches are cut; or NULL */
-    bool may_move; /* a mesh far from the origin is opened relative to a place near its middle */
-    int fd;        /* the file */
+    bool may_move;           /* a mesh far from the origin is opened relative to a place near its middle */
+    int fd;                  /* the file */
+    const mesh_array *array; /* read instead of the file; or NULL */
     volume_mesh_request as_volume;
 } mesh_source_request;
 

@@ -295,7 +295,9 @@ static bool may_move(const spec_mesh *m, double offset, const opening *o, const 
            !s->has_grid && !s->coherent && m->interior != SPEC_INTERIOR_DROP;
 }
 
-static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, source_part *out, error *e)
+/* Opens a mesh of a file, or of an array (`given`, then fd does not matter). */
+static bool open_mesh(const spec_mesh *m, double offset, int fd, const source_array *given, const opening *o,
+                      source_part *out, error *e)
 {
     const bbox cut = {o->spec->region.min, o->spec->region.max};
     const mesh_source_request request = {
@@ -310,6 +312,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const opening *
         .region = o->spec->has_region ? &cut : NULL,
         .may_move = may_move(m, offset, o, out),
         .fd = fd,
+        .array = given ? &given->mesh : NULL,
         .as_volume = {.path = m->path,
                       .resolution = {.voxel_size = m->voxel_size,
                                      .resolution = m->resolution,
@@ -367,6 +370,22 @@ static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, stor
     return open_dense(volume_file_open(&file, e), v->path, v->isovalue, v->reconstruction, o, e);
 }
 
+/* The slices of an array. */
+static slices *open_array_grid(const source_array *given, bool has_index, bool has_level, const spec_exr *x,
+                               error *e)
+{
+    if (!source_array_check(given, SOURCE_ARRAY_GRID, e)) return NULL;
+    if (has_index || has_level) {
+        error_set(e, ERROR_NOT_SUPPORTED,
+                  "an array has one volume and one resolution: remove index and level");
+        return NULL;
+    }
+    slices *s = array_slices_open(&given->grid, e);
+    const double size[3] = {x->voxel_size.x, x->voxel_size.y, x->voxel_size.z};
+    if (s && x->has_voxel_size) slices_set_voxel_size(s, size);
+    return s;
+}
+
 exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
 {
     return (exr_stack_params){.count = x->count,
@@ -408,6 +427,14 @@ static bool check_ends(const volume *v, bbox box, const char *path, error *e)
         path, loose, clear.min.x, clear.min.y, clear.min.z, clear.max.x, clear.max.y, clear.max.z);
 }
 
+/* The name of an input for messages. */
+static const char *first_input(const source *s)
+{
+    return s->input_count > 0                  ? s->inputs[0].path
+           : s->arrays && s->arrays->count > 0 ? s->arrays->item[0].name
+                                               : "";
+}
+
 /* Rotates the sampled space to the axes of data that end obliquely, unless the job has positions in world
  * space. */
 static void align_ends(const spec *s, source *out)
@@ -429,8 +456,11 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
             e, ERROR_NOT_SUPPORTED,
             "the interfaces of labels do not bound one solid: use another surface for region.inside");
     store_tree *tree = NULL;
-    const int fd = l->path ? open_file_or_tree(o->source, l->path, &tree, e) : -1;
-    if (l->path && fd < 0 && !tree) return false;
+    const source_array *given = source_arrays_find(o->source->arrays, l->path);
+    slices *array = given ? open_array_grid(given, l->has_index, l->has_level, &s->exr, e) : NULL;
+    if (given && !array) return error_prefix(e, "%s", l->path);
+    const int fd = l->path && !given ? open_file_or_tree(o->source, l->path, &tree, e) : -1;
+    if (l->path && !given && fd < 0 && !tree) return false;
     const slices_directory directory = {open_in_tree, tree};
     const slices_files files = {open_input, o->source};
     exr_stack_params stack = source_stack(&s->exr, &files);
@@ -442,8 +472,10 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
         l->path ? NULL : &stack,
         tree ? &directory : NULL,
         o->spec->max_chunks,
-        s->exr.has_voxel_size ? &s->exr.voxel_size : NULL};
+        s->exr.has_voxel_size ? &s->exr.voxel_size : NULL,
+        array};
     out->labels = label_source_open(&request, e);
+    if (array) array->ops->close(array);
     if (fd >= 0) close(fd);
     if (!out->labels) {
         const char *path = l->path ? l->path : s->exr.path;
@@ -454,7 +486,23 @@ static bool open_labels(const spec_surface *s, const opening *o, source_part *ou
     return true;
 }
 
-/* Opens a volume of one file, or of the files of a stack. */
+/* Opens a surface that an array gives. */
+static bool open_array(const spec_surface *s, double offset, const source_array *given, const opening *o,
+                       source_part *out, error *e)
+{
+    const spec_volume *v = &s->volume;
+    if (s->kind == SPEC_SURFACE_MESH)
+        return source_array_check(given, SOURCE_ARRAY_MESH, e) &&
+               open_mesh(&s->mesh, offset, -1, given, o, out, e);
+    if (s->kind == SPEC_SURFACE_VDB)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "%s: surface.vdb requires a file: give a dense grid as surface.volume", given->name);
+    slices *from = open_array_grid(given, v->has_index, v->has_level, &s->exr, e);
+    out->volume = open_dense(from, v->path, v->isovalue, v->reconstruction, o, e);
+    return out->volume != NULL;
+}
+
+/* Opens a volume of one file, of the files of a stack, or of an array. */
 static bool open_volume(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
 {
     bool dense = s->kind == SPEC_SURFACE_VOLUME || s->kind == SPEC_SURFACE_EXR;
@@ -471,11 +519,15 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
                            : s->kind == SPEC_SURFACE_MESH ? s->mesh.path
                                                           : s->volume.path;
         store_tree *tree = NULL;
-        int fd = s->kind == SPEC_SURFACE_VOLUME ? open_file_or_tree(o->source, path, &tree, e)
-                                                : open_input(o->source, path, e);
-        if (fd < 0 && !tree) return false;
-        if (s->kind == SPEC_SURFACE_MESH)
-            open_mesh(&s->mesh, offset, fd, o, out, e);
+        const source_array *given = source_arrays_find(o->source->arrays, path);
+        const int fd = given                            ? -1
+                       : s->kind == SPEC_SURFACE_VOLUME ? open_file_or_tree(o->source, path, &tree, e)
+                                                        : open_input(o->source, path, e);
+        if (fd < 0 && !tree && !given) return false;
+        if (given)
+            open_array(s, offset, given, o, out, e);
+        else if (s->kind == SPEC_SURFACE_MESH)
+            open_mesh(&s->mesh, offset, fd, NULL, o, out, e);
         else
             out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(&s->vdb, offset, fd, o, e)
                                                       : open_stored(&s->volume, &s->exr, fd, tree, o, e);
@@ -485,8 +537,7 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
     if (!out->volume) return out->mesh != NULL;
     out->field = volume_field(out->volume);
     /* for the whole surface the ends are checked later, since a region may cut them off */
-    return out == &o->source->whole ||
-           check_ends(out->volume, out->field->domain, o->source->inputs[0].path, e);
+    return out == &o->source->whole || check_ends(out->volume, out->field->domain, first_input(o->source), e);
 }
 
 static bool read_coefficients(const spec_bspline *b, const opening *o, source_part *out, error *e)
@@ -696,6 +747,12 @@ static size_t count_leaves(const spec_surface *s)
 static bool open_map(const spec *s, const opening *o, error *e)
 {
     const char *path = s->grid.path ? s->grid.path : s->surface.vdb.path;
+    const source_array *given = source_arrays_find(o->source->arrays, path);
+    if (given) {
+        if (!source_array_check(given, SOURCE_ARRAY_GRID, e)) return false;
+        o->source->map = map_of_array(&given->grid, e);
+        return o->source->map || error_prefix(e, "%s", path);
+    }
     int fd = open_input(o->source, path, e);
     if (fd < 0) return false;
     o->source->map = map_open(fd, path, s->grid.name, memory_left(o), e);
@@ -745,7 +802,7 @@ static bool open_source(const spec *s, const source_memory_limits *limits, isa k
         const bbox box = bbox_move((bbox){s->region.min, s->region.max}, vec3_scale(out->origin, -1));
         out->region = region_new(out->field, box, e);
         if (!out->region) source_prefix_origin(out, e);
-        if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
+        if (!out->region) return *first_input(out) ? error_prefix(e, "%s", first_input(out)) : false;
         out->field = region_field(out->region);
     }
     align_ends(s, out);
@@ -754,14 +811,14 @@ static bool open_source(const spec *s, const source_memory_limits *limits, isa k
         const double to_world[16] = {1, 0, 0, to.x, 0, 1, 0, to.y, 0, 0, 1, to.z, 0, 0, 0, 1};
         out->turned = placement_new_view(out->field, to_world);
     }
-    return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
+    return check_ends(out->whole.volume, out->field->domain, first_input(out), e);
 }
 
-bool source_open(const spec *s, const store_roots *roots, const source_memory_limits *limits, isa kernels,
-                 threads *pool, source *out, error *e)
+bool source_open(const spec *s, const store_roots *roots, const source_arrays *arrays,
+                 const source_memory_limits *limits, isa kernels, threads *pool, source *out, error *e)
 {
     error unused = {0};
-    *out = (source){.roots = roots, .hashes_beside = threads_count(pool) > 1};
+    *out = (source){.roots = roots, .arrays = arrays, .hashes_beside = threads_count(pool) > 1};
     if (!e) e = &unused;
     const bool ok = open_source(s, limits, kernels, pool, out, e);
     out->hashes_beside = false;

@@ -23,6 +23,7 @@
 #include "surface/scan/surface.h"
 #include "surface/volume/map.h"
 #include "surface/volume/volume.h"
+#include "job/source/source_arrays.h"
 
 /* An input file, or a directory. */
 typedef struct source_input {
@@ -59,12 +60,13 @@ typedef struct source {
     /* transform from the sampled space to the world, for data with oblique boundaries, or a mesh far from the
      * origin, which is sampled relative to its middle; otherwise NULL */
     placement *turned;
-    vec3 origin;              /* of the sampled space, for a mesh far from the origin */
-    map *map;                 /* sampling.grid, or NULL */
-    region *region;           /* surface.region, or NULL */
-    struct creased *creased;  /* the whole surface as patches, if features are requested; or NULL */
-    const store_roots *roots; /* of input files, or NULL; used during source_open */
-    source_input *inputs;     /* in the order of the first opening */
+    vec3 origin;                 /* of the sampled space, for a mesh far from the origin */
+    map *map;                    /* sampling.grid, or NULL */
+    region *region;              /* surface.region, or NULL */
+    struct creased *creased;     /* the whole surface as patches, if features are requested; or NULL */
+    const store_roots *roots;    /* of input files, or NULL; used during source_open */
+    const source_arrays *arrays; /* inputs in memory, or NULL; they are not among `inputs` */
+    source_input *inputs;        /* in the order of the first opening */
     size_t input_count;
     bool hashes_beside; /* during source_open: a file is hashed while it is read */
     late_hash *hash;    /* unfinished hash of the last input; or NULL */
@@ -76,18 +78,18 @@ typedef struct source_memory_limits {
     size_t most; /* the largest limit that a job may have, for messages; 0: unknown */
 } source_memory_limits;
 
-/* `kernels`: instruction set for sampling. The spec outlives the
+/* `arrays`: inputs in memory, or NULL. `kernels`: instruction set for sampling. The spec and the arrays outlive the
  * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts
  * a zeroed struct. */
-bool source_open(const spec *s, const store_roots *roots, const source_memory_limits *limits, isa kernels,
-                 threads *pool, source *out, error *e);
+bool source_open(const spec *s, const store_roots *roots, const source_arrays *arrays,
+                 const source_memory_limits *limits, isa kernels, threads *pool, source *out, error *e);
 void source_close(source *s);
 
 /* Frees the second derivatives of a mesh that is sampled on its triangles: after the solve, the curvature of the
  * points is that of mesh_curvature.h. */
 void source_end_solving(source *s);
 
-/* Opens another input for reading; requires the roots. Returns its descriptor, or -1 and an error. */
+/* Opens another input file for reading; requires the roots. Returns its descriptor, or -1 and an error. */
 int source_open_file(source *s, const char *path, error *e);
 
 /* Returns the parameters for opening a stack of images, without a memory limit. `files` opens the images. */

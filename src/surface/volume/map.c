@@ -13,8 +13,9 @@
 struct map {
     double to_index[3][4];
     vdb_grid *grid;
-    grid_view grid_view; /* as a level set at 0, so that values are unchanged */
-    bool everywhere;     /* the background counts as a value */
+    grid_view grid_view;     /* as a level set at 0, so that values are unchanged */
+    bool everywhere;         /* the background counts as a value */
+    const array_grid *array; /* instead of the grid, or NULL */
 };
 
 static bool check_finite(const vdb_grid *g, error *e)
@@ -82,6 +83,33 @@ map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, e
     return NULL;
 }
 
+static float element(const array_grid *g, size_t i, size_t j, size_t k)
+{
+    const array_view *a = &g->values;
+    return (float)number_value((const char *)array_view_at(a, i, j) + (ptrdiff_t)k * a->stride[2], a->type,
+                               false);
+}
+
+map *map_of_array(const array_grid *grid, error *e)
+{
+    const size_t *size = grid->values.size;
+    double to_world[3][4];
+    if (!array_grid_check(grid, e)) return NULL;
+    for (size_t i = 0; i < size[0]; i++)
+        for (size_t j = 0; j < size[1]; j++)
+            for (size_t k = 0; k < size[2]; k++)
+                if (!isfinite(element(grid, i, j, k))) {
+                    error_set(e, ERROR_INPUT_DAMAGED, "values[%zu, %zu, %zu] is not finite: replace it", i, j,
+                              k);
+                    return NULL;
+                }
+    map *m = mem_alloc(sizeof *m);
+    m->array = grid;
+    for (int i = 0; i < 12; i++) to_world[i / 4][i % 4] = grid->index_to_world[i];
+    affine_invert(to_world, m->to_index);
+    return m;
+}
+
 void map_close(map *m)
 {
     if (!m) return;
@@ -92,7 +120,7 @@ void map_close(map *m)
 
 size_t map_memory(const map *m)
 {
-    if (!m) return 0;
+    if (!m || !m->grid) return 0;
     return m->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
            m->grid->tile_count * sizeof(vdb_tile);
 }
@@ -100,6 +128,13 @@ size_t map_memory(const map *m)
 /* The value of a voxel. False: it is ignored. */
 static bool voxel(const map *m, const int32_t at[3], double *value)
 {
+    if (m->array) {
+        const size_t *size = m->array->values.size;
+        for (int a = 0; a < 3; a++)
+            if (at[a] < 0 || (size_t)at[a] >= size[a]) return false;
+        *value = (double)element(m->array, (size_t)at[0], (size_t)at[1], (size_t)at[2]);
+        return true;
+    }
     grid_view_block b = grid_view_find(&m->grid_view, at[0] >> 3, at[1] >> 3, at[2] >> 3);
     *value = (double)b.constant;
     if (b.leaf == BLOCK_MAP_NONE) return m->everywhere || b.constant != m->grid_view.background;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* map: a scalar grid of a VDB file as a function of space, for painted maps.
+/* map: a scalar grid of a VDB file, or a dense array, as a function of space, for painted maps.
  *
  * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if
  * that is above 0; otherwise inactive voxels are ignored. The grid has its own transform. World space.
@@ -12,6 +12,7 @@
 
 #include "base/core/error.h"
 #include "geometry/space/vec3.h"
+#include "io/volumes/array_slices.h"
 
 typedef struct map map;
 
@@ -19,6 +20,11 @@ typedef struct map map;
  * caller frees the map with map_close. Errors: those of grid_selection_find and vdb_load_grid, input_damaged
  * (an active voxel is not finite); messages have the file and the grid. */
 map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, error *e);
+
+/* A dense array as a map: its elements are voxels, and beyond them there are none. The grid and its array outlive
+ * the map. Errors: those of array_grid_check, input_damaged (an element is not finite). */
+map *map_of_array(const array_grid *grid, error *e);
+
 void map_close(map *m);
 size_t map_memory(const map *m); /* bytes; NULL: 0 */
 

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""libhexad by ctypes: a job in this process, on arrays of NumPy. `hexad.sample` is what to call; this module is private."""
+from __future__ import annotations
+
+import ctypes
+import functools
+import importlib
+import json
+import os
+import pathlib
+import threading
+from typing import Any, Callable, Mapping, Sequence
+
+from .errors import HexadError, JobFailed
+
+NAME = "libhexad.so.1"
+TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
+TICK_S = 0.05  # between calls of the progress function
+STATES = {"cancelled": "cancelled", "limit_time": "timed_out"}
+
+Progress = Callable[[str, float], Any]
+
+
+class Array(ctypes.Structure):
+    """hexad_array"""
+
+    _fields_ = [("data", ctypes.c_void_p), ("type", ctypes.c_int), ("dimensions", ctypes.c_int),
+                ("size", ctypes.c_size_t * 3), ("stride", ctypes.c_ssize_t * 3)]
+
+
+class Error(ctypes.Structure):
+    """hexad_error"""
+
+    _fields_ = [("code", ctypes.c_char * 32), ("message", ctypes.c_char * 1024)]
+
+
+PROGRESS = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_double)
+FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
+    "version": (ctypes.c_char_p, []),
+    "job_new": (ctypes.c_void_p, [ctypes.c_char_p]),
+    "job_free": (None, [ctypes.c_void_p]),
+    "job_add_mesh": (ctypes.c_int, [ctypes.c_void_p, ctypes.c_char_p] + [ctypes.POINTER(Array)] * 3 + [ctypes.POINTER(Error)]),
+    "job_add_grid": (ctypes.c_int, [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(Array), ctypes.c_void_p,
+                                    ctypes.POINTER(Error)]),
+    "job_add_points": (ctypes.c_int, [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(Array), ctypes.POINTER(Error)]),
+    "job_set_directory": (None, [ctypes.c_void_p, ctypes.c_char_p]),
+    "job_add_root": (None, [ctypes.c_void_p, ctypes.c_char_p]),
+    "job_set_progress": (None, [ctypes.c_void_p, PROGRESS, ctypes.c_void_p]),
+    "job_run": (ctypes.c_int, [ctypes.c_void_p, ctypes.POINTER(Error)]),
+    "job_report": (ctypes.c_char_p, [ctypes.c_void_p]),
+    "job_array_name": (ctypes.c_char_p, [ctypes.c_void_p, ctypes.c_size_t]),
+    "job_array": (ctypes.c_int, [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(Array)]),
+}
+
+
+@functools.lru_cache(maxsize=None)
+def load() -> Any:
+    """The library: HEXAD_LIBRARY, or the file beside this module, or what the loader finds."""
+    beside = pathlib.Path(__file__).with_name(NAME)
+    path = os.environ.get("HEXAD_LIBRARY") or (str(beside) if beside.exists() else NAME)
+    try:
+        library = ctypes.CDLL(path)
+    except OSError as fault:
+        raise HexadError(f"{path} cannot be loaded: {fault}. Install libhexad1, or set HEXAD_LIBRARY to its path.") from None
+    for name, (result, arguments) in FUNCTIONS.items():
+        function = getattr(library, f"hexad_{name}")
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+@functools.lru_cache(maxsize=None)
+def load_numpy() -> Any:
+    try:
+        return importlib.import_module("numpy")
+    except ImportError:
+        raise HexadError("a call on arrays requires NumPy: install python3-numpy, or pip install numpy") from None
+
+
+def usable(values: Any) -> Any:
+    """An array of a type that the library has; the array itself if it is one."""
+    numpy = load_numpy()
+    found = numpy.asarray(values)
+    if found.dtype.name in TYPES and found.dtype.isnative:
+        return found
+    kind = {"b": "uint8", "e": "float32", "f": "float32" if found.dtype.itemsize <= 4 else "float64", "i": "int64",
+            "u": "uint64"}.get(found.dtype.kind)
+    if kind is None or found.dtype.kind == "O":
+        raise HexadError(f"an array has the type {found.dtype}, which is not a number: convert it")
+    if found.dtype.name in TYPES:  # of the other byte order
+        kind = found.dtype.name
+    return found.astype(kind)
+
+
+def describe(values: Any) -> Array:
+    """The description of an array, which must outlive it."""
+    if values.ndim > 3:
+        raise HexadError(f"an array has {values.ndim} dimensions: give one with at most 3")
+    made = Array(values.ctypes.data, TYPES.index(values.dtype.name), values.ndim)
+    for k in range(values.ndim):
+        made.size[k], made.stride[k] = values.shape[k], values.strides[k]
+    return made
+
+
+class Job:
+    """hexad_job, and the arrays that it reads."""
+
+    def __init__(self, spec: Mapping[str, Any]) -> None:
+        self.library = load()
+        self.handle = ctypes.c_void_p(self.library.hexad_job_new(json.dumps(spec).encode()))
+        self.kept: list[Any] = []
+
+    def __del__(self) -> None:
+        if hasattr(self, "handle"):
+            self.library.hexad_job_free(self.handle)
+
+    def check(self, result: int, error: Error) -> None:
+        if result:
+            code, message = error.code.decode(), error.message.decode("utf-8", "replace")
+            raise JobFailed("", STATES.get(code, "failed"), {"code": code, "message": message})
+
+    def pointer(self, values: Any) -> Any:
+        if values is None:
+            return None
+        found = usable(values)
+        self.kept.append(found)
+        return ctypes.byref(describe(found))
+
+    def add_mesh(self, name: str, vertices: Any, faces: Any, counts: Any = None) -> None:
+        error = Error()
+        self.check(self.library.hexad_job_add_mesh(self.handle, name.encode(), self.pointer(vertices), self.pointer(faces),
+                                                   self.pointer(counts), ctypes.byref(error)), error)
+
+    def add_grid(self, name: str, values: Any, affine: Any = None) -> None:
+        error, numpy = Error(), load_numpy()
+        matrix = None if affine is None else numpy.ascontiguousarray(affine, float)
+        if matrix is not None and matrix.shape != (4, 4):
+            raise HexadError(f"affine has the shape {matrix.shape}: it must have (4, 4)")
+        self.check(self.library.hexad_job_add_grid(self.handle, name.encode(), self.pointer(values),
+                                                   None if matrix is None else matrix.ctypes.data, ctypes.byref(error)), error)
+
+    def add_points(self, name: str, rows: Any) -> None:
+        error = Error()
+        self.check(self.library.hexad_job_add_points(self.handle, name.encode(), self.pointer(rows), ctypes.byref(error)), error)
+
+    def set_places(self, directory: str | None, roots: Sequence[str]) -> None:
+        if directory:
+            self.library.hexad_job_set_directory(self.handle, os.fsencode(directory))
+        for root in roots:
+            self.library.hexad_job_add_root(self.handle, os.fsencode(root))
+
+    def run(self, progress: Progress | None) -> None:
+        """Runs the job on a thread. This one waits, so that Ctrl-C ends the call: ctypes would drop the exception in a function
+        that the library calls."""
+        error, results = Error(), []
+        told: tuple[str, float] = ("load", 0.0)
+        stopped, ended = False, threading.Event()
+
+        def hear(_: Any, phase: bytes, fraction: float) -> int:
+            nonlocal told
+            told = (phase.decode(), fraction)
+            return stopped
+
+        def work() -> None:
+            results.append(self.library.hexad_job_run(self.handle, ctypes.byref(error)))
+            ended.set()
+
+        function = PROGRESS(hear)
+        self.library.hexad_job_set_progress(self.handle, function, None)
+        thread = threading.Thread(target=work, name="hexad call")
+        thread.start()
+        try:
+            while not ended.wait(TICK_S):
+                if progress and not stopped and progress(*told):
+                    stopped = True
+        finally:
+            stopped = True
+            thread.join()
+            self.library.hexad_job_set_progress(self.handle, PROGRESS(), None)
+            self.kept.clear()
+        self.check(results[0], error)
+
+    def report(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.library.hexad_job_report(self.handle))
+        return found
+
+    def arrays(self) -> dict[str, Any]:
+        """The arrays of the result, which are not copied: they keep the job."""
+        numpy, found = load_numpy(), {}
+        while True:
+            name = self.library.hexad_job_array_name(self.handle, len(found))
+            if name is None:
+                return found
+            a = Array()
+            self.library.hexad_job_array(self.handle, name, ctypes.byref(a))
+            kind = numpy.dtype(TYPES[a.type])
+            shape = tuple(a.size[:a.dimensions])
+            count = int(numpy.prod(shape, dtype=int))
+            memory = (ctypes.c_char * (count * kind.itemsize)).from_address(a.data)
+            memory.job = self
+            found[name.decode()] = numpy.frombuffer(memory, kind, count).reshape(shape)

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+/* call: a job of the library (hexad.h), and the two ways to run it: in this process, or in a child. */
+#ifndef HEXAD_LIBRARY_CALL_H
+#define HEXAD_LIBRARY_CALL_H
+
+#include <hexad.h>
+
+#include "base/json/json.h"
+#include "job/phases/result_arrays.h"
+#include "job/source/source_arrays.h"
+#include "spec/spec.h"
+
+struct hexad_job {
+    char *text; /* of the spec */
+    source_arrays arrays;
+    char *directory; /* of relative paths; NULL: the working directory */
+    char **roots;
+    size_t root_count;
+    hexad_progress *progress;
+    void *progress_context;
+    bool has_run;
+    result_arrays results;
+};
+
+/* Interval of the calls of the progress function, and of the checks of time. */
+enum { CALL_TICK_MS = 50 };
+
+/* Memory limit of a job without limits.memory_mb, as that of hexad-worker. */
+enum { CALL_MEMORY_MB = 4096 };
+
+/* Calls the progress function. False: it cancels the job. */
+static inline bool call_report_progress(const hexad_job *job, const char *phase, double fraction)
+{
+    return !job->progress || job->progress(job->progress_context, phase, fraction) == 0;
+}
+
+/* Runs a spec without files, on threads of this process. */
+bool call_in_process(hexad_job *job, const spec *s, error *e);
+
+/* Runs a spec in hexad-worker. `document`: the spec as JSON. */
+bool call_in_child(hexad_job *job, const json *document, const spec *s, error *e);
+
+#endif
