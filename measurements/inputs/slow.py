@@ -82,10 +82,10 @@ def needle_cylinder(sides, is_diagonal, height=2.0):
 
 def book(pages, is_triangle):
     """Faces on one edge."""
-    edge = [(0, 0, 0), (0, 0, 2)]
+    edge = [(0, 0, 0), (0, 0, 1)]
     if is_triangle:
-        return [*edge, *circle(pages, 1, 1)], [(0, 1, 2 + k) for k in range(pages)]
-    return [*edge, *circle(pages, 1, 0), *circle(pages, 1, 2)], [(0, 1, 2 + pages + k, 2 + k) for k in range(pages)]
+        return [*edge, *circle(pages, 1, 0.5)], [(0, 1, 2 + k) for k in range(pages)]
+    return [*edge, *circle(pages, 1, 0), *circle(pages, 1, 1)], [(0, 1, 2 + pages + k, 2 + k) for k in range(pages)]
 
 
 def spiral(steps, is_flat):
