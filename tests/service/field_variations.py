@@ -736,10 +736,9 @@ def vdb(rng):
         made = []
         for values, how in grids:
             grid = openvdb.FloatGrid(how.get("background", -2.0))
-            held = numpy.asarray(values).clip(-2, 2).astype("f4")
+            grid.copyFromArray(numpy.asarray(values).clip(-2, 2).astype("f4"), ijk=how.get("low", (0, 0, 0)))
             for index, number in how.get("broken", {}).items():
-                held[index] = number
-            grid.copyFromArray(held, ijk=how.get("low", (0, 0, 0)))
+                grid.getAccessor().setValueOn(index, float(number))
             grid.transform = openvdb.createLinearTransform(how.get("matrix", matrix()).T.tolist())
             grid.name = how.get("name", "density")
             grid.gridClass = how.get("class", openvdb.GridClass.FOG_VOLUME)
