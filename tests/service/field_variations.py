@@ -699,7 +699,7 @@ def exr(rng):
         return {"exr": {"path": name.format(0).replace("000", "###"), "slices": f"0-{SIZE[2] - 1}", "isovalue": 0, "voxel_size": STEP.tolist(), **(spec or {})}}
     yield "", "", write
     changes = {("dataWindow", "is smaller"): lambda v: ({"Y": v[:-2, :-1]}, {}),
-               ("channels", "is half"): lambda v: ({"Y": v.astype("f2")}, {}), ("channels", "is whole"): lambda v: ({"Y": v.clip(0).astype("u4")}, {}),
+               ("channels", "is half"): lambda v: ({"Y": v.astype("f2")}, {}),
                ("channels", "has another name"): lambda v: ({"Z": v}, {}), ("channels", "has another one"): lambda v: ({"Y": v, "A": 0 * v}, {}),
                ("channels", "is subsampled"): lambda v: ({"Y": v[::2, ::2], "A": v}, {}), ("pixelAspectRatio", "is 2"): lambda v: ({"Y": v}, {"aspect": 2}),
                ("pixelAspectRatio", "is nan"): lambda v: ({"Y": v}, {"aspect": numpy.nan}), ("pixelAspectRatio", "is 0"): lambda v: ({"Y": v}, {"aspect": 0}),
@@ -723,6 +723,7 @@ def exr(rng):
     yield "dataWindow", "is moved in all files", lambda folder: write(folder, lambda v: ({"Y": v}, {"low": (3, 2)}), spec={"origin": (-STEP * (3, 2, 0)).tolist()})
     for number in (0, 13, SIZE[2] - 1):
         yield "dataWindow", f"is moved in file {number} only", lambda folder, number=number: write(folder, lambda v: ({"Y": v}, {"low": (3, 2)}), [number])
+    yield "channels", "is whole in all files", lambda folder: write(folder, lambda v: ({"Y": (1000 * v + 50000).round().astype("u4")}, {}), spec={"isovalue": 50000})
     yield "channel", "of the spec is not there", lambda folder: write(folder, spec={"channel": "density"})
 
 
@@ -736,10 +737,9 @@ def vdb(rng):
         made = []
         for values, how in grids:
             grid = openvdb.FloatGrid(how.get("background", -2.0))
-            held = numpy.asarray(values).clip(-2, 2).astype("f4")
+            grid.copyFromArray(numpy.asarray(values).clip(-2, 2).astype("f4"), ijk=how.get("low", (0, 0, 0)))
             for index, number in how.get("broken", {}).items():
-                held[index] = number
-            grid.copyFromArray(held, ijk=how.get("low", (0, 0, 0)))
+                grid.getAccessor().setValueOn(index, float(number))
             grid.transform = openvdb.createLinearTransform(how.get("matrix", matrix()).T.tolist())
             grid.name = how.get("name", "density")
             grid.gridClass = how.get("class", openvdb.GridClass.FOG_VOLUME)

@@ -471,6 +471,15 @@ def test_a_number_of_an_nrrd_header_is_read_to_its_end(told, tmp_path, field):
     assert report.get("code") == "input_damaged" and "which is not a number" in report["message"] and field.split(":")[0][:4] in report["message"], report
 
 
+@pytest.mark.parametrize("field", ["ElementSpacing", "ElementSize", "Offset", "TransformMatrix", "CenterOfRotation", "HeaderSize"])
+@pytest.mark.parametrize("number", ["nan", "inf", "1e400"])
+def test_a_number_of_a_meta_image_that_is_not_finite_is_refused(told, tmp_path, field, number):
+    values = {"TransformMatrix": f"1 0 0 0 {number} 0 0 0 1", "HeaderSize": number}.get(field, f"1 {number} 1")
+    write_meta_image(tmp_path / "v.mha", ball(), MATRIX, {field: values})
+    report = told(tmp_path / "v.mha")
+    assert report.get("code") == "input_damaged" and field in report["message"] and "not finite" in report["message"], report
+
+
 def shorter(path, old, new):
     path.write_bytes(path.read_bytes().replace(old, new, 1))
 

@@ -19,7 +19,8 @@ typedef struct document {
     bool is_node[DEEPEST]; /* by depth: whether the element is a <node> of COLLADA */
     size_t begin;          /* of the text of the innermost element */
     size_t declared;       /* attribute `count` of the last element that has one */
-    size_t triangles;      /* count of the current <triangles>; 0: the element is another */
+    bool in_triangles;     /* the primitive is <triangles> */
+    size_t triangles;      /* its count */
     size_t stride;         /* numbers for each corner of it */
 } document;
 
@@ -86,6 +87,7 @@ static bool begin_collada(void *context, const char *name, const char **attribut
     if (count && !read_whole(count, &d->declared))
         return refuse(d, "the count of <%s> is \"%s\", which is not a number", name, count);
     if (strcmp(name, "triangles") == 0) {
+        d->in_triangles = true;
         d->triangles = count ? d->declared : 0;
         d->stride = 1;
     } else if (strcmp(name, "input") == 0 && offset) {
@@ -93,7 +95,7 @@ static bool begin_collada(void *context, const char *name, const char **attribut
             return refuse(d, "the offset of <input> is \"%s\", which is not a number", offset);
         if (place >= d->stride) d->stride = place + 1;
     } else if (strstr(name, "poly") || strstr(name, "tri")) {
-        d->triangles = 0;
+        d->in_triangles = false;
     }
     return true;
 }
@@ -109,7 +111,7 @@ static void end_collada(void *context, const char *name)
         if (count_numbers(d, name, &count) && count != d->declared)
             refuse(d, "<float_array> declares %zu numbers and has %zu", d->declared, count);
     } else if (strcmp(name, "p") == 0) {
-        if (count_numbers(d, name, &count) && d->triangles > 0 && count != 3 * d->stride * d->triangles)
+        if (count_numbers(d, name, &count) && d->in_triangles && count != 3 * d->stride * d->triangles)
             refuse(d, "<triangles> declares %zu triangles of %zu numbers and has %zu numbers", d->triangles,
                    3 * d->stride, count);
     }

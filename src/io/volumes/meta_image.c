@@ -112,6 +112,10 @@ static bool take_numbers(parsing *p, const char *key, const char *value, double 
             return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
                             "its field %.63s has too few numbers (%.60s): it is damaged. Correct the header.",
                             key, value) < 0;
+        if (!isfinite(number)) /* NaN: the field is absent */
+            return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
+                            "its field %.63s has a number that is not finite (%.60s): correct the header",
+                            key, value) < 0;
         out[k] = number;
     }
     if (p->fields.dimensions > 3 || !at[strspn(at, " \t")]) return true; /* check() refuses four dimensions */
