@@ -9,7 +9,7 @@ const UP_FRONT = ["/sampling/pattern", "/sampling/curvature"];
 const wordOf = name => (name ? name[0].toUpperCase() + name.slice(1).replace(/_/g, " ") : "");
 
 /** What a form calls a member: its title in the table of the spec, or its name. */
-const titleOf = (name, schema) => schema && schema.title || wordOf(name);
+export const titleOf = (name, schema) => schema && schema.title || wordOf(name);
 
 /** The members of which exactly one is given; the schema says so by oneOf with required. */
 function choicesOf(schema) {

@@ -3,7 +3,7 @@
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {call, get, query, retryAfterOf, send, wait} from "./api.js";
 import {Files} from "./files.js";
-import {Node} from "./form.js";
+import {Node, titleOf} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
 import {Progress, Trouble, useAction, useTitle} from "./parts.js";
 import {Sha256} from "./sha256.js";
@@ -189,7 +189,7 @@ export function Submit({search}) {
   if (!schema || !spec) return html`<${Trouble} error=${error} />`;
 
   const {properties} = schema;
-  const group = (name, picture) => html`<fieldset class="card" key=${name}><legend>${name[0].toUpperCase() + name.slice(1)}</legend>${picture}<div class="fields">
+  const group = (name, picture) => html`<fieldset class="card" key=${name}><legend>${titleOf(name, properties[name])}</legend>${picture}<div class="fields">
     <${Node} name=${name} schema=${properties[name]} value=${spec[name]} pointer=${`/${name}`} faults=${faults} onChange=${next => setSpec({...spec, [name]: next})} /></div></fieldset>`;
   const rest = Object.keys(properties).filter(name => !["version", "name", "surface", "sampling"].includes(name));
   return html`<div class=${`submit ${over ? "over" : ""}`} onDragOver=${e => {
@@ -209,7 +209,7 @@ export function Submit({search}) {
       <fieldset class="card"><legend>Job</legend><div class="fields"><${Node} name="name" schema=${properties.name} value=${spec.name} pointer="/name" faults=${faults}
         onChange=${next => setSpec({...spec, name: next})} /></div></fieldset>
       ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
-      <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
+      <details class="more"><summary>More: ${rest.map(name => titleOf(name, properties[name])).join(", ")}</summary>${rest.map(name => group(name))}</details></div>
     <aside aria-label="Check">${fault ? html`<${Trouble} error=${fault} />` : html`<${Estimate} validation=${validation} busy=${busy} />`}
       <button class="main" disabled=${submitting || Boolean(fault || sending || unread || takeError)}>Submit</button><${Trouble} error=${submitError} />
       <${Json} spec=${spec} fault=${unread} onChange=${setSpec} onFault=${setUnread} /></aside></form></div>`;

@@ -61,7 +61,8 @@ def jobs_of(service, token):
         wait_until(lambda: state(job)["state"] in ("succeeded", "failed"), word)
     jobs["live"] = submit(long_sphere(name="running"))
     wait_until(lambda: (state(jobs["live"])["progress"] or {}).get("sweep", 0) > 20, "sweeps")
-    submit(sphere(name="waits for another", queue={"depends_on": [jobs["live"]]}))
+    jobs["waits"] = submit(sphere(name="waits for another", queue={"depends_on": [jobs["live"]]}))
+    jobs["turn"] = submit(sphere(name="waits for its turn", solver={"threads": 64}))  # all threads: it waits for the running one
     paused = submit(sphere(name="paused", queue={"depends_on": [jobs["live"]], "priority": 10}))
     assert with_token(service, token, "POST", f"/v1/jobs/{paused}/pause").status < 300
     return jobs
@@ -91,8 +92,8 @@ def views_of(jobs):
              "service": ("#/service", ".users", None, None),
              "filtered": ("#/?text=torus", "tbody tr", None, None),
              "lost": ("#/nothing", "h1", None, None)}
-    for word in ("job", "rough", "failed", "array"):
-        views[word] = (f"#/jobs/{jobs[word]}", ".facts-list" if word in ("failed", "array") else ".measures", None, None)
+    for word in ("job", "rough", "failed", "array", "waits", "turn"):
+        views[word] = (f"#/jobs/{jobs[word]}", ".measures" if word in ("job", "rough") else ".facts-list", None, None)
     views["live"] = (f"#/jobs/{jobs['live']}", ".stats", None, None)
     views["frame"] = (f"#/jobs/{jobs['array']}?frame=3", ".measures", None, None)
     views["log"] = (f"#/jobs/{jobs['job']}", ".measures", """[...document.querySelectorAll("main button")].find(b => b.innerText === "Log").click()""", "pre.log")
