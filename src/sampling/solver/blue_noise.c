@@ -124,7 +124,8 @@ static bool is_opposite(const particles *p, size_t i, uint32_t patch, vec3 norma
 
 /* ---- places on the surface */
 
-/* The place at d from another one, projected onto the same patch. False: the patch does not reach there. */
+/* The place at d from another one, projected onto the same patch. False: the patch does not reach there. Beside the
+ * end of a crease, a search from the triangle of the other place may end at a triangle that is not the nearest. */
 static bool reach(const solver *s, const surface_place *from, vec3 d, double h, surface_place *out)
 {
     const projection_limits limits = solver_rounding(h);
@@ -132,6 +133,7 @@ static bool reach(const solver *s, const surface_place *from, vec3 d, double h, 
     const vec3 target = vec3_add(from->position, d);
     surface_place to = *from;
     to.position = target;
+    to.hint = FIELD_NO_HINT;
     if (!projection_find_near(f, &limits, &to.hint, &to.position, &to.normal) ||
         vec3_norm(vec3_sub(to.position, target)) > fmax(LONGEST_STEP * h, vec3_norm(d)))
         return false;
