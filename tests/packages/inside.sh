@@ -87,7 +87,7 @@ comes_back() {
 
 # Left are the user and what others keep of it.
 is_purged() {
-    apt-get purge -y hexad hexad-worker hexad-client python3-hexad hexad-doc && apt-get autoremove --purge -y && files >after
+    apt-get purge -y hexad hexad-worker hexad-client python3-hexad libhexad1 libhexad-dev hexad-doc && apt-get autoremove --purge -y && files >after
     comm -13 before after >left
     cat left
     ! grep hexad left && ! find / -xdev -path /root -prune -o -path /srv -prune -o -path /var/log -prune -o -name '*hexad*' -print |
