@@ -138,7 +138,7 @@ int main(int count, char **words)
     spec *s = load(words[1], &e);
     job j = {.spec = s, .options = &options};
     bool ok = s && store_directory_create(words[2], &e);
-    if (ok) progress_begin(&j.progress, -1, false);
+    if (ok) progress_begin(&j.progress, -1, false, (progress_listener){0});
     if (ok) snapshot_begin(&j.snapshot, NULL);
     ok = ok && job_run_phases(&j, phases, sizeof phases / sizeof *phases, &e);
     if (!ok) {
