@@ -29,14 +29,15 @@ static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
     "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
-    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--output DIR]\n"
+    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
     "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
     "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
     ") into DIR,\n"
     "                    which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
     "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
-    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order\n"
+    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
+    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames and --priority replace the value\n"
@@ -149,7 +150,8 @@ static const struct entry {
     need argument;
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
-    {"sample", command_sample, ONE, "--on-service --count --spacing --grade --pattern --set --output"},
+    {"sample", command_sample, ONE,
+     "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
