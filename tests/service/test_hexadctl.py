@@ -548,6 +548,10 @@ def test_a_cancelled_job_is_called_so_once(clean_gated, build):
     assert done.returncode == 0, done.stderr
     done = subprocess.run([build / "hexadctl", "wait", job], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
     assert done.returncode == 6 and done.stdout.startswith(f"{job} cancelled: "), done.stdout
+    for words in (("fetch", job), ("retry", job)):  # what the first one names is the second one
+        done = subprocess.run([build / "hexadctl", *words], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
+        assert words[0] == "retry" or (done.returncode == 4 and f"hexadctl retry {job}" in done.stderr), done.stderr
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_list_has_the_jobs_with_a_text_in_their_name(run, tmp_path):

@@ -250,6 +250,15 @@ def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, t
     assert "tube exists: name another directory" in json.loads(again.stderr.splitlines()[-1])["message"]
 
 
+@pytest.mark.parametrize("text", ["This is simply a text.\n", "# Notes\n"])
+def test_a_text_is_not_called_a_mesh(sample_alone, tmp_path, text):
+    """The mesh library takes a text with ply in it for a PLY file."""
+    (tmp_path / "notes.md").write_text(text)
+    error = json.loads(sample_alone("notes.md", code=3).stderr.splitlines()[-1])
+    assert error["code"] == "input_unsupported" and ".." not in error["message"], error
+    assert "notes.md: its format is not known" in error["message"] and "PLY, OBJ, STL or OFF" in error["message"]
+
+
 def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
     x = numpy.arange(24) - 11.5
     radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
