@@ -42,7 +42,7 @@ typedef struct command_options {
     command_values set;                            /* of submit and sample: see spec/sample_spec.h */
     command_values depends_on;                     /* of submit: jobs, named as on the command line */
     const char *count, *spacing, *grade, *pattern; /* of sample */
-    const char *name;                              /* of list: exact; of submit and sample: of the new job */
+    const char *name;                              /* of list: exact; of others: of the new job */
     const char *owner, *state, *text;
     const char *since, *until; /* of list: a time, or a duration before now such as "90m" or "90m ago" */
     const char *limit;

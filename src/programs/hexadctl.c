@@ -45,11 +45,12 @@ static const char usage[] =
     "                    submission prints the ID of the first one and creates no second job. If the\n"
     "                    service detects within 0.2 s that the inputs have a fault, submit prints a\n"
     "                    warning; the exit code stays 0\n"
-    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--priority N]\n"
+    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--name NAME] [--priority N]\n"
     "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
     "                    of its meshes; PATH is the path of a mesh as in a spec, one for each mesh of the\n"
-    "                    surface. With #### in PATH the job is an array of FRAMES\n"
+    "                    surface. With #### in PATH the job is an array of FRAMES. --name: the\n"
+    "                    default is that of the job and the word attached\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
@@ -154,7 +155,7 @@ static const struct entry {
      "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --depends-on --priority --label --key"},
-    {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
+    {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},
