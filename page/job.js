@@ -164,7 +164,7 @@ function Facts({job, now}) {
   const rows = [
     [isFinal(job.state) ? "Waited for" : "Waits for", others.length > 0 && others.map((id, i) => html`${i > 0 && ", "}<${JobLink} key=${id} id=${id} />`)],
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
-    ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
+    ["Ran", spentOf(job, now)], ["Attempt", !job.array && (job.max_attempts ? `${job.attempt} of ${job.max_attempts}` : job.attempt)], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
     ["Accepted", job.accepted === false && "no: queue.accept excludes the outcome"],
     ["Delivery", job.delivery && (job.delivery.message || job.delivery.state)],
@@ -314,7 +314,7 @@ export function Job({ids: [id], search, session}) {
     <div class=${lives ? "beside" : ""}>${lives && html`<${LivePoints} key=${frame} job=${job} frame=${frame} />`}
       <${Facts} job=${job} now=${now} /></div>
     ${own && job.array && html`<${Tasks} job=${job} frame=${frame} now=${now} onChoose=${setFrame} />`}
-    ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
+    ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job. You are signed in as ${session.user}.</p>`}
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}

@@ -42,13 +42,13 @@ typedef struct command_options {
     command_values set;                            /* of submit and sample: see spec/sample_spec.h */
     command_values depends_on;                     /* of submit: jobs, named as on the command line */
     const char *count, *spacing, *grade, *pattern; /* of sample */
-    const char *name;                              /* of list: exact; of submit: of the new job */
+    const char *name;                              /* of list: exact; of others: of the new job */
     const char *owner, *state, *text;
     const char *since, *until; /* of list: a time, or a duration before now such as "90m" or "90m ago" */
     const char *limit;
     const char *priority;
-    const char *key;         /* of submit: the Idempotency-Key */
-    const char *frames;      /* of attach and submit: the frames of the new array, as in queue.frames */
+    const char *key;    /* of submit: the Idempotency-Key */
+    const char *frames; /* of attach, submit and sample: the frames of the new array, as in queue.frames */
     const char *const *mesh; /* of attach: paths as in a spec */
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* fetch_command: the commands fetch and log of hexadctl, which download results and logs. */
+#include <dirent.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -114,6 +116,57 @@ static bool has_other_result(const char *directory, json_at results)
     }
     free(path);
     return other;
+}
+
+/* The numbers of the directories of frames that have a report, in no order; the caller frees them. */
+static int *list_frames(const char *directory, size_t *count)
+{
+    int *frame = NULL;
+    DIR *opened = opendir(directory);
+    *count = 0;
+    for (struct dirent *entry; opened && (entry = readdir(opened));) {
+        char *end;
+        const long number = strtol(entry->d_name, &end, 10);
+        char *report = mem_printf("%s/%ld/report.json", directory, number);
+        if (!*end && number >= 0 && number <= INT_MAX && access(report, F_OK) == 0) {
+            frame = mem_resize(frame, (*count + 1) * sizeof *frame);
+            frame[(*count)++] = (int)number;
+        }
+        free(report);
+    }
+    if (opened) closedir(opened);
+    return frame;
+}
+
+/* Whether a directory has frames, none of which is a result of the array. */
+static bool has_other_frames(client *c, const char *id, const char *directory)
+{
+    size_t count = 0;
+    int *frame = list_frames(directory, &count);
+    bool other = count > 0;
+    for (size_t i = 0; i < count && other; i++) {
+        error e = {0};
+        client_reply reply = {0};
+        char *list = mem_printf("/v1/jobs/%s/results?frame=%d", id, frame[i]),
+             *there = mem_printf("%s/%d", directory, frame[i]);
+        if (client_call(c, "GET", list, NULL, 0, &reply, &e) && reply.status == 200) {
+            json_at root = json_root(reply.document);
+            other = has_other_result(there, json_member(&root, "results"));
+        }
+        client_reply_clear(&reply);
+        free(list);
+        free(there);
+    }
+    free(frame);
+    return other;
+}
+
+/* Whether a directory has frames of an array. */
+static bool has_frames(const char *directory)
+{
+    size_t count = 0;
+    free(list_frames(directory, &count));
+    return count > 0;
 }
 
 static int refuse_directory(const char *directory)
@@ -264,7 +317,7 @@ static int fetch_array(client *c, fetching *f, json_at job)
         qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare_ints);
         f->all = (int)f->wanted_count;
     }
-    if (has_other_result(f->directory, json_root(NULL))) {
+    if (has_other_result(f->directory, json_root(NULL)) || has_other_frames(c, f->id, f->directory)) {
         free(f->wanted);
         return refuse_directory(f->directory);
     }
@@ -292,6 +345,7 @@ static int fetch_single(client *c, fetching *f, json_at job)
             f->id, json_string(json_member(&job, "state"), "?"), f->id);
         return COMMAND_MISSING;
     }
+    if (has_frames(f->directory)) return refuse_directory(f->directory);
     print_identity(f, job);
     char *list = mem_printf("/v1/jobs/%s/results", f->id);
     int code = fetch_list(c, list, f->directory, f->directory, f->silent || f->options->json, &found);

@@ -29,15 +29,18 @@
  * estimates). */
 #define INSPECT_WITHIN_MS 60000
 
-static bool is_mesh_format(file_format format)
+/* The member of a surface that names files of this format. NULL: they are not read. */
+static const char *member_of(file_format format)
 {
-    return format != FILE_FORMAT_UNKNOWN && file_formats[format].kind == FILE_FORMAT_MESHES &&
-           file_formats[format].reading != FILE_FORMAT_NOT_READ;
+    const file_format_row *row = &file_formats[format];
+    const bool is_surface =
+        row->kind == FILE_FORMAT_MESHES || row->kind == FILE_FORMAT_GRIDS || row->kind == FILE_FORMAT_VOLUMES;
+    return is_surface && row->reading != FILE_FORMAT_NOT_READ ? sample_spec_member(format) : NULL;
 }
 
-/* Why a path that is not a single file cannot be sent; NULL: it may be a single file. *is_mesh: whether it is a
- * mesh. */
-static const char *unsendable(const char *path, bool *is_mesh)
+/* Why a path that is not a single file cannot be sent; NULL: it may be a single file. *member: see
+ * member_of. */
+static const char *unsendable(const char *path, const char **member)
 {
     struct stat info;
     if (stat(path, &info) != 0)
@@ -46,7 +49,7 @@ static const char *unsendable(const char *path, bool *is_mesh)
     FILE *file = S_ISREG(info.st_mode) ? fopen(path, "rb") : NULL;
     const file_format format = file ? file_format_of_file(fileno(file), path) : FILE_FORMAT_UNKNOWN;
     if (file) fclose(file);
-    *is_mesh = is_mesh_format(format);
+    *member = member_of(format);
     return format == FILE_FORMAT_EXR ? "is one image of a stack, and one file can be sent" : NULL;
 }
 
@@ -91,10 +94,32 @@ static void name_file(json *problem, const char *in_spec, const char *path)
     free(named);
 }
 
-/* Asks for an inspection, again while the service is busy. If the service cannot inspect a mesh, or not within
- * its time limit (setting estimate_timeout_s), the surface is the whole mesh. */
-static int inspect(client *c, const char *in_spec, const char *path, bool is_mesh, json **inspection)
+static sample_options wanted_of(const command_options *options)
 {
+    return (sample_options){.count = options->count,
+                            .spacing = options->spacing,
+                            .grade = options->grade,
+                            .pattern = options->pattern,
+                            .frames = options->frames,
+                            .name = options->name,
+                            .set = options->set.item,
+                            .set_count = options->set.count};
+}
+
+/* Asks for an inspection, again while the service is busy. If the service cannot inspect the file, or not within
+ * its time limit (setting estimate_timeout_s), the surface is the whole mesh, or the volume if the options name all
+ * of the spec. */
+static int inspect(client *c, const char *in_spec, const char *path, const char *member,
+                   const command_options *options, json **inspection)
+{
+    const sample_options wanted = wanted_of(options);
+    const bool is_mesh = member && strcmp(member, "mesh") == 0,
+               is_complete = member && sample_spec_is_complete(member, &wanted);
+    if (is_mesh && is_complete) {
+        *inspection = sample_spec_unseen(member, in_spec);
+        return COMMAND_OK;
+    }
+    if (!options->json) terminal_text_print(stderr, "inspecting %s\n", path);
     json *asked = json_new_object();
     json_put_string(asked, "path", in_spec);
     char *body = json_print(asked);
@@ -102,7 +127,6 @@ static int inspect(client *c, const char *in_spec, const char *path, bool is_mes
     int code = COMMAND_OK;
     progress_bar bar;
     progress_bar_init(&bar);
-    progress_bar_show_text(&bar, "inspecting the file");
     for (bool again = true; again;) {
         error e = {0};
         client_reply reply = {0};
@@ -115,11 +139,15 @@ static int inspect(client *c, const char *in_spec, const char *path, bool is_mes
             again = true;
             progress_bar_show_text(&bar, "waiting: the service inspects other files");
             poll(NULL, 0, (int)reply.again_s * 1000);
-        } else if (reply.status == 503 && is_mesh) {
-            *inspection = sample_spec_mesh(in_spec);
+        } else if (reply.status == 503 && (is_mesh || is_complete)) {
+            *inspection = sample_spec_unseen(member, in_spec);
         } else if (reply.status >= 300 || !reply.document) {
             name_file(reply.document, in_spec, path);
             code = print_refused(&reply);
+            if (reply.status == 503)
+                print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s",
+                              member ? ", or give --count and --set /surface/" : "", member ? member : "",
+                              member ? "/isovalue=V" : "");
         } else {
             *inspection = reply.document;
             reply.document = NULL;
@@ -131,26 +159,17 @@ static int inspect(client *c, const char *in_spec, const char *path, bool is_mes
     return code;
 }
 
-static sample_options wanted_of(const command_options *options)
-{
-    return (sample_options){.count = options->count,
-                            .spacing = options->spacing,
-                            .grade = options->grade,
-                            .pattern = options->pattern,
-                            .set = options->set.item,
-                            .set_count = options->set.count};
-}
-
-/* Checks what can be checked before the file is sent. *is_mesh: whether it is a mesh; of a path of the service,
- * by its name. */
-static bool check(const char *path, const char *directory, const command_options *options, bool *is_mesh)
+/* Checks what can be checked before the file is sent. *member: see member_of; of a path of the service, by its
+ * name. *inspected: see sample_spec_inspected; the caller frees it. */
+static bool check(const char *path, const char *directory, const command_options *options,
+                  const char **member, char **inspected)
 {
     error e = {0};
     const sample_options wanted = wanted_of(options);
-    const char *why = options->on_service ? NULL : unsendable(path, is_mesh);
-    if (options->on_service) *is_mesh = is_mesh_format(file_format_of_name(path));
+    const char *why = options->on_service ? NULL : unsendable(path, member);
+    if (options->on_service) *member = member_of(file_format_of_name(path));
     bool ok = !why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE, path, why);
-    ok = ok && sample_spec_check(&wanted, &e);
+    ok = ok && (*inspected = sample_spec_inspected(path, &wanted, &e));
     if (ok && !store_directory_is_free(directory, options->output != NULL))
         ok = error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, directory);
     if (!ok) print_failure("sample: %s", e.message);
@@ -165,6 +184,9 @@ static char *make_spec(const json *inspection, const char *path, const command_o
     json *spec = sample_spec_make(inspection, path, &wanted, &e);
     char *text = spec ? json_print(spec) : NULL;
     if (!spec) print_failure("sample: %s", e.message);
+    char *note = spec && !options->json ? sample_spec_isovalue_note(inspection, &wanted) : NULL;
+    if (note) terminal_text_print(stderr, "%s\n", note);
+    free(note);
     json_free(spec);
     return text;
 }
@@ -195,16 +217,16 @@ static int take_result(client *c, const char *id, const char *spec, const char *
 
 int command_sample(client *c, const char *argument, const command_options *options)
 {
-    char *stem = sample_spec_stem(argument), *in_spec = NULL, *spec = NULL;
+    char *stem = sample_spec_stem(argument), *inspected = NULL, *in_spec = NULL, *spec = NULL;
     const char *directory = options->output ? options->output : stem;
     json *inspection = NULL, *job = NULL;
-    bool is_mesh = false;
-    int code = check(argument, directory, options, &is_mesh) ? COMMAND_OK : COMMAND_USAGE;
+    const char *member = NULL;
+    int code = check(argument, directory, options, &member, &inspected) ? COMMAND_OK : COMMAND_USAGE;
     if (code == COMMAND_OK && options->on_service)
-        in_spec = mem_strdup(argument);
+        in_spec = mem_strdup(inspected);
     else if (code == COMMAND_OK)
         code = send_input(c, argument, options->json, &in_spec);
-    if (code == COMMAND_OK) code = inspect(c, in_spec, argument, is_mesh, &inspection);
+    if (code == COMMAND_OK) code = inspect(c, in_spec, inspected, member, options, &inspection);
     if (code == COMMAND_OK && !(spec = make_spec(inspection, argument, options))) code = COMMAND_USAGE;
     if (code == COMMAND_OK) {
         const command_options plain = {.json = options->json};
@@ -222,6 +244,7 @@ int command_sample(client *c, const char *argument, const command_options *optio
     json_free(inspection);
     json_free(job);
     free(stem);
+    free(inspected);
     free(in_spec);
     free(spec);
     return code;

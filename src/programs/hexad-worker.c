@@ -61,7 +61,8 @@ static void request_cancel(int number)
 
 static const char help_text[] =
     "Usage: hexad-worker sample FILE [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise]\n"
-    "                           [--set /MEMBER=VALUE ...] [--output DIR] [option ...]\n"
+    "                           [--set /MEMBER=VALUE ...] [--frames FRAMES --frame N] [--name NAME] [--output DIR]\n"
+    "                           [option ...]\n"
     "       hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker attach RESULT MESH [MESH ...] --output DIR [option ...]\n"
@@ -98,6 +99,9 @@ static const char help_text[] =
     "  --set /MEMBER=VALUE\n"
     "                     sample: a member of the spec and its value, JSON or a text: --set /output/mesh=true; may be\n"
     "                     given several times\n"
+    "  --frames FRAMES    sample: the frames of a sequence, such as 1-100, with FILE a pattern such as a.####.obj: its\n"
+    "                     first frame is inspected, and --frame N is sampled\n"
+    "  --name NAME        sample: the name of the job (default: that of FILE)\n"
     "  --progress         a progress bar on standard error (sample: by default, if that is a terminal)\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
@@ -265,7 +269,15 @@ static bool refuse_option(int answer, const char *word, const struct option *opt
 }
 
 /* The options of the command sample, as results of getopt_long. */
-enum { OPTION_COUNT = 256, OPTION_SPACING, OPTION_GRADE, OPTION_PATTERN, OPTION_SET };
+enum {
+    OPTION_COUNT = 256,
+    OPTION_SPACING,
+    OPTION_GRADE,
+    OPTION_PATTERN,
+    OPTION_SET,
+    OPTION_FRAMES,
+    OPTION_NAME
+};
 
 /* Whether the option is one of the command sample; its value is then stored. */
 static bool take_sample_option(int option, arguments *a)
@@ -280,12 +292,16 @@ static bool take_sample_option(int option, arguments *a)
         a->sample.pattern = optarg;
     else if (option == OPTION_SET)
         a->set[a->sample.set_count++] = optarg;
+    else if (option == OPTION_FRAMES)
+        a->sample.frames = optarg;
+    else if (option == OPTION_NAME)
+        a->sample.name = optarg;
     return option >= OPTION_COUNT;
 }
 
 static bool has_sample_option(const sample_options *o)
 {
-    return o->count || o->spacing || o->grade || o->pattern || o->set_count > 0;
+    return o->count || o->spacing || o->grade || o->pattern || o->frames || o->name || o->set_count > 0;
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
@@ -308,6 +324,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {"grade", required_argument, NULL, OPTION_GRADE},
                                             {"pattern", required_argument, NULL, OPTION_PATTERN},
                                             {"set", required_argument, NULL, OPTION_SET},
+                                            {"frames", required_argument, NULL, OPTION_FRAMES},
+                                            {"name", required_argument, NULL, OPTION_NAME},
                                             {NULL, 0, NULL, 0}};
     *a = (arguments){.arrays_fd = -1, .progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
@@ -369,8 +387,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects || samples ? "FILE" : "SPEC.json (or -) and --output DIR");
     if (!samples && has_sample_option(&a->sample))
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "--count, --spacing, --grade, --pattern and --set are options of sample: omit them");
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "--count, --spacing, --grade, --pattern, --set, --frames and --name are options of sample: omit "
+            "them");
     if (!inspects && (a->json || a->preview))
         return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
     if (a->preview && build_part_missing(BUILD_PART_PREVIEW))
@@ -692,7 +712,7 @@ static int sample(int argc, char **argv)
     spec_faults faults = {0};
     arguments a;
     store_roots *roots = NULL;
-    char *stem = NULL;
+    char *stem = NULL, *inspected = NULL, *note = NULL;
     json *inspection = NULL, *document = NULL;
     int code = -1;
     handle_signals();
@@ -715,11 +735,16 @@ static int sample(int argc, char **argv)
         .cancel = &cancel_requested,
         .leave = leave,
     };
-    inspection = sample_spec_has_target(&a.sample) && inspection_is_of_mesh(a.spec_path, &options)
-                     ? sample_spec_mesh(a.spec_path)
-                     : inspection_make(a.spec_path, &options, &e);
+    if (!(inspected = sample_spec_inspected(a.spec_path, &a.sample, &e))) goto done;
+    if (sample_spec_has_target(&a.sample) && inspection_is_of_mesh(inspected, &options)) {
+        inspection = sample_spec_unseen("mesh", inspected);
+    } else {
+        terminal_text_print(stderr, "inspecting %s\n", inspected);
+        inspection = inspection_make(inspected, &options, &e);
+    }
     if (!inspection) goto done;
     if (!(document = sample_spec_make(inspection, a.spec_path, &a.sample, &e))) goto done;
+    if ((note = sample_spec_isovalue_note(inspection, &a.sample))) terminal_text_print(stderr, "%s\n", note);
     options.progress_bar = a.progress || isatty(STDERR_FILENO) == 1;
     code = run_sample(document, &options, &faults, &e);
 done:
@@ -729,6 +754,8 @@ done:
     store_roots_close(roots);
     free_arguments(&a);
     free(stem);
+    free(inspected);
+    free(note);
     return code;
 }
 

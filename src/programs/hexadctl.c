@@ -29,14 +29,15 @@ static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
     "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
-    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--output DIR]\n"
+    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
     "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
     "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
     ") into DIR,\n"
     "                    which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
     "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
-    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order\n"
+    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
+    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames and --priority replace the value\n"
@@ -44,11 +45,12 @@ static const char usage[] =
     "                    submission prints the ID of the first one and creates no second job. If the\n"
     "                    service detects within 0.2 s that the inputs have a fault, submit prints a\n"
     "                    warning; the exit code stays 0\n"
-    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--priority N]\n"
+    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--name NAME] [--priority N]\n"
     "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
     "                    of its meshes; PATH is the path of a mesh as in a spec, one for each mesh of the\n"
-    "                    surface. With #### in PATH the job is an array of FRAMES\n"
+    "                    surface. With #### in PATH the job is an array of FRAMES. --name: the\n"
+    "                    default is that of the job and the word attached\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
@@ -149,10 +151,11 @@ static const struct entry {
     need argument;
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
-    {"sample", command_sample, ONE, "--on-service --count --spacing --grade --pattern --set --output"},
+    {"sample", command_sample, ONE,
+     "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --depends-on --priority --label --key"},
-    {"attach", command_attach, JOB_FILES, "--frame --frames --wait --accept --priority --label --key"},
+    {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},

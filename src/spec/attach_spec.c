@@ -6,6 +6,7 @@
 
 #include "base/core/memory.h"
 #include "spec/spec.h"
+#include "spec/spec_table.h"
 
 typedef struct replacement {
     json *root; /* the new document */
@@ -71,6 +72,20 @@ static void remove_weights(json *root)
     json_put(root, "attributes", kept);
 }
 
+/* Puts the name of the new job, unless it is longer than a spec permits: a name that several jobs have names none
+ * of them on the command line. */
+static void put_name(json *document)
+{
+    static const char ending[] = " attached";
+    const json_at root = json_root(document);
+    const char *name = json_string(json_member(&root, "name"), "");
+    const size_t length = strlen(name), added = sizeof ending - 1;
+    if (!length || (length > added && strcmp(name + length - added, ending) == 0)) return;
+    char *own = mem_printf("%s%s", name, ending);
+    if ((double)strlen(own) <= spec_row_find("", "name")->high) json_put_string(document, "name", own);
+    free(own);
+}
+
 json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
                        error *e)
 {
@@ -97,6 +112,7 @@ json *attach_spec_make(const json *sampled, const char *points, const char *cons
         return NULL;
     }
     remove_weights(root);
+    put_name(root);
     for (size_t k = 0; k < sizeof removed / sizeof *removed; k++) json_remove(root, removed[k]);
     json *output = json_find(root, "/output");
     for (size_t k = 0; output && k < sizeof outputs / sizeof *outputs; k++) json_remove(output, outputs[k]);

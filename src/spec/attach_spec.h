@@ -15,7 +15,7 @@
 
 /* `sampled`: the spec of the result. `points`: the path of its points.ply. `mesh`: one path for each mesh of
  * the surface, in the order of the spec. Members that concern the computation of points are removed, as is
- * the queue. NULL: spec_invalid (the surface has another number of meshes) or attribute_missing (the
+ * the queue. The name gets the ending " attached". NULL: spec_invalid (the surface has another number of meshes) or attribute_missing (the
  * points have no attribute source). The caller frees the document. */
 json *attach_spec_make(const json *sampled, const char *points, const char *const *mesh, size_t mesh_count,
                        error *e);

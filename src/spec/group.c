@@ -137,6 +137,8 @@ static void add_required(reading *r, const json_at *at, const spec_row *row, jso
         member_value_read(r, at, row, normal);
 }
 
+static void refuse_value(reading *r, const json_at *at, const spec_row *first, bool is_switch);
+
 static void read_member_group(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     bool on = at->node || !(row->flags & SPEC_OPTIONAL);
@@ -148,6 +150,10 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     }
     if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = on;
     if (!on) return;
+    if (row->flags & SPEC_SWITCH && place.node && json_type_of(place) != JSON_OBJECT) {
+        refuse_value(r, at, spec_row_first_below(row), true);
+        return;
+    }
     if (!place.node && row->flags & SPEC_REQUIRED) {
         add_required(r, at, row, normal);
         return;
@@ -284,17 +290,20 @@ static const spec_row *member_of_type(const spec_row *first, json_type type)
     return count == 1 ? found : NULL;
 }
 
-/* Adds the fault that a value is not an object. It shows an object with the value, or lists the members. */
-static void refuse_value(reading *r, const json_at *at, const spec_row *first)
+/* Adds the fault that a value is not an object, or, of a switch, not a boolean either. It shows an object with the
+ * value, or lists the members. */
+static void refuse_value(reading *r, const json_at *at, const spec_row *first, bool is_switch)
 {
+    const char *also = is_switch ? "true, false or " : "";
     char members[RULES_LIST_MAX];
     const spec_row *row = member_of_type(first, json_type_of(*at));
     char *value = row ? json_print(at->node) : NULL;
     rules_list_members(first, members);
     if (value && strlen(value) <= READING_SHOWN_MAX)
-        reading_add_mismatch(r, at, "must be an object such as {\"%s\": %s}", spec_row_key(row), value);
+        reading_add_mismatch(r, at, "must be %san object such as {\"%s\": %s}", also, spec_row_key(row),
+                             value);
     else
-        reading_add_mismatch(r, at, "must be an object; its members are %s", members);
+        reading_add_mismatch(r, at, "must be %san object; its members are %s", also, members);
     free(value);
 }
 
@@ -304,7 +313,7 @@ static void read_members(reading *r, const json_at *at, const char *group, const
 {
     size_t before = r->total;
     if (at->node && json_type_of(*at) != JSON_OBJECT) {
-        refuse_value(r, at, first);
+        refuse_value(r, at, first, false);
         return;
     }
     unsigned skipped = rules_check_names(r, at, group, first);

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/core/file_format.h"
+#include "base/core/frames.h"
 #include "base/core/memory.h"
 #include "spec/spec_table.h"
 
@@ -25,12 +25,18 @@ const json *sample_spec_suggested(const json *inspection)
     return found;
 }
 
-json *sample_spec_mesh(const char *path)
+const char *sample_spec_member(file_format format)
+{
+    const file_format_kind kind = file_formats[format].kind;
+    return kind == FILE_FORMAT_GRIDS ? "vdb" : kind == FILE_FORMAT_VOLUMES ? "volume" : "mesh";
+}
+
+json *sample_spec_unseen(const char *member, const char *path)
 {
     json *inspection = json_new_object(), *list = json_put_array(inspection, "suggestions"),
          *item = json_append_object(list), *document = json_put_object(item, "spec");
     json_put_bool(item, "measured", false);
-    json_put_string(json_put_object(json_put_object(document, "surface"), "mesh"), "path", path);
+    json_put_string(json_put_object(json_put_object(document, "surface"), member), "path", path);
     json_put_integer(json_put_object(document, "sampling"), "count", SAMPLE_SPEC_COUNT_MOST);
     return inspection;
 }
@@ -101,6 +107,8 @@ static bool apply(json *document, const sample_options *o, double count, error *
         !put_number(sampling, "spacing", "--spacing", o->spacing, e) || !put_grading(sampling, o->grade, e))
         return false;
     if (o->pattern) json_put_string(sampling, "pattern", o->pattern);
+    if (o->name) json_put_string(document, "name", o->name);
+    if (o->frames) json_put_string(json_put_object(document, "queue"), "frames", o->frames);
     for (size_t i = 0; i < o->set_count; i++)
         if (!sample_spec_set(document, o->set[i], e)) return false;
     sampling = json_find(document, "/sampling"); /* an assignment may have replaced it */
@@ -127,6 +135,79 @@ bool sample_spec_check(const sample_options *options, error *e)
     bool ok = apply(document, options, 0, e);
     json_free(document);
     return ok;
+}
+
+static const char *const members[] = {"mesh", "vdb", "volume"};
+enum { MEMBERS = sizeof members / sizeof *members };
+
+/* A value of the surface in a document, such as its path. NULL: it has none. */
+static json *value_of_surface(json *document, const char *member, const char *key)
+{
+    char *pointer = mem_printf("/surface/%s/%s", member, key);
+    json *value = json_find(document, pointer);
+    free(pointer);
+    return value;
+}
+
+bool sample_spec_is_complete(const char *member, const sample_options *options)
+{
+    json *document = json_new_object();
+    const bool ok = sample_spec_has_target(options) && apply(document, options, 0, NULL) &&
+                    (strcmp(member, "mesh") == 0 || value_of_surface(document, member, "isovalue"));
+    json_free(document);
+    return ok;
+}
+
+char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
+{
+    const json *suggested = sample_spec_suggested(inspection);
+    json_at root = json_root(inspection), list = json_member(&root, "suggestions");
+    json *own = suggested ? json_copy(suggested) : NULL, *given = json_new_object();
+    char *note = NULL;
+    apply(given, options, 0, NULL);
+    for (size_t i = 0; own && i < MEMBERS && !note; i++) {
+        json *isovalue = value_of_surface(own, members[i], "isovalue");
+        if (isovalue && !value_of_surface(given, members[i], "isovalue"))
+            note = mem_printf("isovalue %g: suggested by inspect, of %zu; set another with --set "
+                              "/surface/%s/isovalue=V",
+                              json_number(json_root(isovalue), 0), json_size(list), members[i]);
+    }
+    json_free(own);
+    json_free(given);
+    return note;
+}
+
+char *sample_spec_inspected(const char *path, const sample_options *options, error *e)
+{
+    json *document = json_new_object();
+    char *inspected = NULL;
+    if (apply(document, options, 0, e)) {
+        const char *frames = json_string(json_root(json_find(document, "/queue/frames")), NULL);
+        size_t count = 0;
+        int *frame = NULL;
+        if (!frames || !frames_is_pattern(path))
+            inspected = mem_strdup(path);
+        else if (strcmp(frames, FRAMES_ALL) == 0)
+            error_set(e, ERROR_SPEC_INVALID,
+                      "/queue/frames: the first frame is inspected: write numbers in place of \"" FRAMES_ALL
+                      "\", such as 1-100");
+        else if ((frame = frames_parse(frames, &count, e)))
+            inspected = frames_path(path, frame[0]);
+        else
+            error_prefix(e, "/queue/frames");
+        free(frame);
+    }
+    json_free(document);
+    return inspected;
+}
+
+/* Replaces the path of the inspected frame by the pattern. */
+static void put_pattern(json *document, const char *pattern, const char *inspected)
+{
+    for (size_t i = 0; i < MEMBERS; i++) {
+        json *path = value_of_surface(document, members[i], "path");
+        if (path && strcmp(json_string(json_root(path), ""), inspected) == 0) json_set_string(path, pattern);
+    }
 }
 
 /* Sets the error for an inspection without a surface that can be sampled. */
@@ -161,7 +242,13 @@ char *sample_spec_stem(const char *path)
     while (length > 1 && path[length - 1] == '/') length--;
     char *whole = mem_printf("%.*s", (int)length, path);
     const char *slash = strrchr(whole, '/'), *name = slash && slash[1] ? slash + 1 : whole;
-    char *stem = mem_printf("%.*s", (int)(strlen(name) - strlen(sample_spec_ending(name))), name);
+    length = strlen(name) - strlen(sample_spec_ending(name));
+    if (frames_is_pattern(name)) {
+        size_t before = frames_prefix(name);
+        while (before > 0 && strchr("._- ", name[before - 1])) before--;
+        if (before > 0) length = before;
+    }
+    char *stem = mem_printf("%.*s", (int)length, name);
     free(whole);
     return stem;
 }
@@ -182,11 +269,15 @@ json *sample_spec_make(const json *inspection, const char *path, const sample_op
         explain_missing(inspection, path, e);
         return NULL;
     }
+    char *inspected = sample_spec_inspected(path, options, e);
+    if (!inspected) return NULL;
     json_at root = json_root(suggested), sampling = json_member(&root, "sampling");
     json *document = json_new_object();
     json_put_integer(document, "version", 1);
     put_name(document, path);
     json_put(document, "surface", json_copy(json_member(&root, "surface").node));
+    put_pattern(document, path, inspected);
+    free(inspected);
     if (!apply(document, options, json_number(json_member(&sampling, "count"), 0), e)) {
         json_free(document);
         return NULL;

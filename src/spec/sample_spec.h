@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
+#include "base/core/file_format.h"
 #include "base/json/json.h"
 
 /* The texts of the options; NULL: not given. The values are checked by spec_parse. */
@@ -16,6 +17,7 @@ typedef struct sample_options {
     const char *count, *spacing; /* at most one of them */
     const char *grade;           /* curvature, or curvature=RATIO */
     const char *pattern;
+    const char *frames, *name;
     const char *const *set; /* assignments, see sample_spec_set */
     size_t set_count;
 } sample_options;
@@ -30,12 +32,25 @@ typedef struct sample_options {
  * measured, otherwise the first one with a spec. NULL: none. It is owned by the inspection. */
 const json *sample_spec_suggested(const json *inspection);
 
-/* What an inspection of a large mesh suggests: its surface was not measured. For use without an inspection; the
- * caller frees it. */
-json *sample_spec_mesh(const char *path);
+/* The member of a surface that names files of this format: "mesh", "vdb" or "volume". */
+const char *sample_spec_member(file_format format);
+
+/* What an inspection of a large file suggests: its surface was not measured. For use without an inspection; the
+ * caller frees it. `member`: see sample_spec_member. */
+json *sample_spec_unseen(const char *member, const char *path);
+
+/* The path of the file to inspect: `path`, or that of the first frame if `path` is a pattern and the options name
+ * frames. The caller frees it. NULL: spec_invalid, an option is malformed. */
+char *sample_spec_inspected(const char *path, const sample_options *options, error *e);
 
 /* Whether the options name a target, so that the suggested count is not used. */
 bool sample_spec_has_target(const sample_options *options);
+
+/* Whether the options name a target, and the isovalue of a surface of this member unless it is a mesh. */
+bool sample_spec_is_complete(const char *member, const sample_options *options);
+
+/* The text about an isovalue that an inspection suggests and no option sets; the caller frees it. NULL: none. */
+char *sample_spec_isovalue_note(const json *inspection, const sample_options *options);
 
 /* Puts the value of `/POINTER=VALUE` into a spec. VALUE is JSON; any other text is a string. Missing objects
  * on the path are created. Error spec_invalid: the text has another form, or the path leads through a value
@@ -43,7 +58,8 @@ bool sample_spec_has_target(const sample_options *options);
 bool sample_spec_set(json *document, const char *assignment, error *e);
 
 /* The spec that samples the suggested surface. The suggested count is used if the options name no target. The
- * job has the name of the file without directories and extension. NULL: spec_invalid (an option is malformed),
+ * job has the name of the file without directories and extension, unless the options name it. In the surface, the
+ * path of the inspected frame is replaced by the pattern. NULL: spec_invalid (an option is malformed),
  * or the error of the first suggestion if no surface can be sampled. The caller frees the document. */
 json *sample_spec_make(const json *inspection, const char *path, const sample_options *options, error *e);
 
@@ -54,8 +70,8 @@ bool sample_spec_check(const sample_options *options, error *e);
  * the command `sample` of the program takes such files. */
 void sample_spec_advise(const char *program, const char *path, error *e);
 
-/* The name of the file without directories and extension (".nii.gz" is one); the caller frees it. It is the
- * name of the job, and the directory of its result by default. */
+/* The name of the file without directories and extension (".nii.gz" is one), and of a pattern the part before the
+ * frame number; the caller frees it. It is the name of the job, and the directory of its result by default. */
 char *sample_spec_stem(const char *path);
 
 /* The extension of a file that identifies its format, such as ".obj" or ".nii.gz"; "" if the name has none. */

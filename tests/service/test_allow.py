@@ -488,7 +488,7 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
 
 def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
     told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
-    assert told.returncode == 3 and "start hexad" in told.stderr
+    assert told.returncode == 3 and "start hexad" in told.stderr and "`hexad --state_dir DIR &`" in told.stderr
 
 
 def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):

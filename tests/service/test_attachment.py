@@ -339,7 +339,7 @@ def animated(build, tmp_path_factory):
     made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", where).start()
     try:
         made.where = where
-        made.job_id = made.submit({"version": 1, "surface": {"mesh": {"path": str(where / "bar.0001.obj")}}, "attributes": SOURCE,
+        made.job_id = made.submit({"version": 1, "name": "bar", "surface": {"mesh": {"path": str(where / "bar.0001.obj")}}, "attributes": SOURCE,
                                    "sampling": {"count": 500}, "output": {"preview": False, "ply": {"precision": "double"}}})
         made.wait_state(made.job_id, "succeeded")
         yield made
@@ -361,6 +361,8 @@ def test_hexadctl_attaches_the_points_of_a_job_to_all_frames(animated, hexadctl,
     done = hexadctl("attach", animated.job_id, animated.where / "bar.####.obj", "--frames", "2-4", "--wait", "--label", "bent")
     assert done.returncode == 0, done.stderr
     job = json.loads(hexadctl("list", "--label", "bent", "--json").stdout)["jobs"][0]["id"]
+    assert hexadctl("fetch", "bar", "--output", "named").returncode == 0  # the names differ, so that each names one job
+    assert animated.job(job)["name"] == "bar attached"
     assert hexadctl("fetch", job, "--output", "bent").returncode == 0
     assert hexadctl("fetch", animated.job_id, "--output", "rest").returncode == 0
     before = read_columns((tmp_path / "rest" / "points.ply").read_bytes())
@@ -369,9 +371,9 @@ def test_hexadctl_attaches_the_points_of_a_job_to_all_frames(animated, hexadctl,
         after = read_columns((tmp_path / "bent" / str(frame) / "points.ply").read_bytes())
         at, _ = bars.evaluate(places_of(before), bars.bent(rest, 0.5 * (frame - 1)), faces)
         assert numpy.linalg.norm(positions(after) - at, axis=1).max() < 1e-9
-    done = hexadctl("attach", job, animated.where / "bar.0001.obj", "--frame", 4, "--wait", "--label", "back")
+    done = hexadctl("attach", job, animated.where / "bar.0001.obj", "--frame", 4, "--wait", "--label", "back", "--name", "straight")
     assert done.returncode == 0, done.stderr
-    back = json.loads(hexadctl("list", "--label", "back", "--json").stdout)["jobs"][0]["id"]
+    back = json.loads(hexadctl("list", "--name", "straight", "--json").stdout)["jobs"][0]["id"]
     assert hexadctl("fetch", back, "--output", "back").returncode == 0
     after = read_columns((tmp_path / "back" / "points.ply").read_bytes())
     assert numpy.linalg.norm(positions(after) - positions(before), axis=1).max() < 1e-9

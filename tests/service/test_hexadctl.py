@@ -102,6 +102,15 @@ def test_fetch_refuses_a_directory_with_another_result(run, tmp_path, service):
         assert refused.returncode == 2 and "out has another result: name another directory with --output" in refused.stderr
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
     assert run("fetch", array, "--output", "frames").returncode == 0
+    others = service.submit(sphere(queue={"frames": "2-3", "by_frame": {"/surface/analytic/radius": [3, 4]}}))
+    service.wait_state(others, "succeeded")
+    there = {path: path.read_bytes() for path in (tmp_path / "frames").rglob("*") if path.is_file()}
+    for other in (first, (others, "--frame", "3"), others):
+        refused = run("fetch", *(other if isinstance(other, tuple) else [other]), "--output", "frames")
+        assert refused.returncode == 2 and "frames has another result" in refused.stderr, refused.stderr
+    assert {path: path.read_bytes() for path in (tmp_path / "frames").rglob("*") if path.is_file()} == there
+    assert run("fetch", array, "--output", "part", "--frame", "1").returncode == 0
+    assert run("fetch", array, "--output", "part", "--frame", "2").returncode == 0  # of the same job
     (tmp_path / "frames/2/report.json").write_bytes(before["report.json"])
     refused = run("fetch", array, "--output", "frames")
     assert refused.returncode == 2 and "frames/2 has another result" in refused.stderr
@@ -539,6 +548,10 @@ def test_a_cancelled_job_is_called_so_once(clean_gated, build):
     assert done.returncode == 0, done.stderr
     done = subprocess.run([build / "hexadctl", "wait", job], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
     assert done.returncode == 6 and done.stdout.startswith(f"{job} cancelled: "), done.stdout
+    for words in (("fetch", job), ("retry", job)):  # what the first one names is the second one
+        done = subprocess.run([build / "hexadctl", *words], capture_output=True, text=True, timeout=PATIENCE_S, env=clean_gated.environment())
+        assert words[0] == "retry" or (done.returncode == 4 and f"hexadctl retry {job}" in done.stderr), done.stderr
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_list_has_the_jobs_with_a_text_in_their_name(run, tmp_path):

@@ -60,6 +60,17 @@ def test_a_region_around_the_surface_changes_nothing(worker, tmp_path, surfaces,
     assert report["spec"]["region"] == WIDE
 
 
+def test_only_a_mesh_that_is_open_before_the_cut_is_told_to_be_open(worker, tmp_path):
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0, 1) for y in (0, 1) for x in (0, 1))
+    sides = ["1 3 4 2", "5 6 8 7", "2 4 8 6", "3 7 8 4", "1 5 7 3", "1 2 6 5"]
+    for count, told in ((6, []), (5, ["the mesh is open (4 edges with one triangle)"])):
+        (tmp_path / "box.obj").write_text(corners + "".join(f"f {side}\n" for side in sides[:count]))
+        report, _ = run(worker, tmp_path, {"mesh": {"path": str(tmp_path / "box.obj")}}, 300,
+                        region={"min": [-1, -1, -1], "max": [0.5, 2, 2]})
+        assert report["surface"]["area"] == pytest.approx(3 if count == 6 else 2.5, rel=1e-6)
+        assert [text.split(":")[0] for text in report["surface"]["warnings"] if "open" in text] == told
+
+
 def test_random_starts_stay_in_the_region(worker, tmp_path, surfaces):
     region = {"min": [-2, -2, 0.1], "max": [0.3, 2, 2]}
     for kind in ("formula", "level set"):

@@ -200,6 +200,28 @@ def test_a_path_of_the_service(sample, new_service, tmp_path):
     assert done.returncode == 2 and "egg.obj" in done.stderr and not (tmp_path / "egg").exists()
 
 
+@pytest.mark.parametrize("words", [("--frames", "1-3"), ("--set", "/queue/frames=1-3")])
+def test_a_pattern_is_sampled_as_an_array(sample, sample_alone, new_service, tmp_path, words):
+    root = tmp_path / "inputs"
+    root.mkdir()
+    for frame in (1, 2, 3):
+        ellipsoid(root / f"ball.{frame:04}.obj", 1, 1, frame)
+    service = new_service("--input_roots", root).start()
+    pattern = root / "ball.####.obj"
+    done = sample("--on-service", pattern, *words, "--set", "/sampling/spacing=0.3", "--name", "three balls", of=service)
+    assert done.returncode == 0, done.stderr
+    spec = spec_of(tmp_path / "ball")
+    assert spec["surface"] == {"mesh": {"path": str(pattern)}} and spec["name"] == "three balls", spec
+    for frame in (1, 2, 3):
+        x, y, z = (positions(tmp_path / "ball" / str(frame)) / (1, 1, frame)).T
+        assert abs(numpy.sqrt(x * x + y * y + z * z) - 1).max() < 0.01
+    sample_alone(pattern, *words, "--frame", 2, "--output", "alone", "--name", "second")  # inspects the first frame
+    assert abs(numpy.linalg.norm(positions(tmp_path / "alone") / (1, 1, 2), axis=1) - 1).max() < 0.01
+    assert spec_of(tmp_path / "alone")["name"] == "second"
+    every = sample("--on-service", pattern, "--frames", "all", "--output", "all", of=service)
+    assert every.returncode == 2 and "write numbers in place of" in every.stderr, every.stderr
+
+
 def test_the_exit_status_is_that_of_the_job(sample, sample_alone, tmp_path):
     ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
     for call, words in ((sample, ()), (lambda *w: sample_alone(*w, code=11), ("--output", "alone"))):
@@ -228,11 +250,25 @@ def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, t
     assert "tube exists: name another directory" in json.loads(again.stderr.splitlines()[-1])["message"]
 
 
+@pytest.mark.parametrize("text", ["This is simply a text.\n", "# Notes\n"])
+def test_a_text_is_not_called_a_mesh(sample_alone, tmp_path, text):
+    """The mesh library takes a text with ply in it for a PLY file."""
+    (tmp_path / "notes.md").write_text(text)
+    error = json.loads(sample_alone("notes.md", code=3).stderr.splitlines()[-1])
+    assert error["code"] == "input_unsupported" and ".." not in error["message"], error
+    assert "notes.md: its format is not known" in error["message"] and "PLY, OBJ, STL or OFF" in error["message"]
+
+
 def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
     x = numpy.arange(24) - 11.5
     radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
     write_nrrd(tmp_path / "ball.nii.nrrd", numpy.tanh(8 - radius).astype(numpy.float32))
-    sample_alone("ball.nii.nrrd", "--count", 400)
+    told = sample_alone("ball.nii.nrrd", "--count", 400).stderr
+    isovalue = spec_of(tmp_path / "ball.nii")["surface"]["volume"]["isovalue"]
+    assert "inspecting ball.nii.nrrd\n" in told
+    assert f"isovalue {isovalue:.6g}: suggested by inspect, of " in told and "--set /surface/volume/isovalue=V\n" in told
+    told = sample_alone("ball.nii.nrrd", "--count", 400, "--set", "/surface/volume/isovalue=0.25", "--output", "other").stderr
+    assert "suggested" not in told
     points = positions(tmp_path / "ball.nii")
     centre = points.mean(axis=0)
     assert abs(numpy.linalg.norm(points - centre, axis=1) - 8).max() < 0.5
@@ -267,6 +303,17 @@ def test_a_mesh_needs_no_inspection_but_a_volume_does(new_service, sample, examp
         done = sample(*words, "--count", 300, of=service)
         assert done.returncode == 0, done.stderr
     assert len(positions(tmp_path / "ball")) == len(positions(tmp_path / "again")) == 300
+    x = numpy.arange(24) - 11.5
+    radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
+    write_nrrd(tmp_path / "volume.nrrd", (12 - radius).astype(numpy.float32))
+    isovalue = "--set", "/surface/volume/isovalue=4"
+    assert sample("volume.nrrd", "--count", 300, *isovalue, of=service).returncode == 0  # nothing has to be suggested
+    points = positions(tmp_path / "volume")
+    assert abs(numpy.linalg.norm(points - points.mean(axis=0), axis=1) - 8).max() < 0.2
+    for words in (("--count", 300), isovalue):
+        done = sample("volume.nrrd", *words, "--output", "other", of=service)
+        assert done.returncode == 1 and "hexad-worker sample FILE" in done.stderr, done.stderr
+        assert "give --count and --set /surface/volume/isovalue=V\n" in done.stderr, done.stderr
     done = sample(example, of=service)
     assert done.returncode == 1, done.stderr
     assert ("does not inspect files: the setting estimates is 0" if options[1] == 0 else "inspection took longer than 0.01 s") in done.stderr

@@ -69,6 +69,7 @@ def test_other_surfaces_have_the_areas_of_cells(build, tmp_path, reason, surface
     report, points = run(build, tmp_path / "a", surface, **members)
     told = report["weights"]
     assert (told["kind"], told["reason"], told["degree_difference"]) == ("cells", reason, None)
+    assert not [text for text in report["surface"]["warnings"] if "weights" in text]  # no number of points changes it
     assert points["weight"].sum() + told["area_without_points"] == pytest.approx(report["surface"]["area"], rel=1e-12)
     assert points["weight"].sum() == pytest.approx(report["surface"]["area"], rel=1e-5)
 
@@ -76,6 +77,10 @@ def test_other_surfaces_have_the_areas_of_cells(build, tmp_path, reason, surface
 def test_few_points_have_the_areas_of_cells(build, tmp_path):
     report, points = run(build, tmp_path / "a", TORUS, 60)
     assert report["weights"]["kind"] == "cells" and report["weights"]["reason"] in ("few_nodes", "triangulation")
+    (told,) = [text for text in report["surface"]["warnings"] if "weights" in text]
+    assert told.startswith("the weights are areas of cells and not of high order: ") and "Increase the number of points" in told
+    more, _ = run(build, tmp_path / "b", TORUS, 2000)  # the remedy
+    assert more["weights"]["kind"] == "high_order" and not [text for text in more["surface"]["warnings"] if "weights" in text]
     assert points["weight"].sum() == pytest.approx(report["surface"]["area"], rel=1e-12)
 
 

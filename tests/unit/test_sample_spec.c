@@ -71,7 +71,7 @@ static void a_mesh_needs_no_inspection(void **state)
 {
     (void)state;
     static const char *const density[] = {"/sampling/density=3"}, *const other[] = {"/solver/seed=3"};
-    json *whole = sample_spec_mesh("x");
+    json *whole = sample_spec_unseen("mesh", "x");
     char *text = json_print(whole);
     expect(text, &(sample_options){.count = "50"}, HEAD "\"sampling\":{\"count\":50}}");
     expect(text, &(sample_options){0}, HEAD "\"sampling\":{\"count\":100000}}");
@@ -170,6 +170,9 @@ static void stems_and_endings(void **state)
         {"x.y/mesh", "mesh", ""},
         {".hidden", ".hidden", ""},
         {"scan.zarr/", "scan", ".zarr/"},
+        {"anim/spot.####.obj", "spot", ".obj"},
+        {"a_%04d.nii.gz", "a", ".nii.gz"},
+        {"####.obj", "####", ".obj"},
         {"/", "/", ""},
     };
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {

@@ -877,6 +877,10 @@ static void test_faults(void **state)
     expect_fault("{\"surface\":\"a.obj\"}", invalid, "/surface", "its members are vdb, mesh, analytic");
     expect_fault("{\"surface\":{\"mesh\":\"a.obj\"}}", invalid, "/surface/mesh",
                  "must be an object such as {\"path\": \"a.obj\"} (given \"a.obj\")");
+    expect_fault("{\"output\":{\"orient\":\"up\"}}", invalid, "/output/orient",
+                 "must be true, false or an object such as {\"twist\": \"up\"} (given \"up\")");
+    expect_fault("{\"output\":{\"orient\":null}}", invalid, "/output/orient",
+                 "must be true, false or an object; its members are twist, seed (given null)");
     expect_fault("{\"sampling\":1000}", invalid, "/sampling", "(given 1000)");
     expect_fault("{}", invalid, "/version", "is required and must be 1");
     expect_fault("{}", invalid, "/surface", "is required and must be an object");

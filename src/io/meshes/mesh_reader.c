@@ -500,7 +500,10 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
         return answer_fault(ERROR_INPUT_DAMAGED,
                             "the file announces far more data than it has: it is damaged. Save it again.");
     }
-    if (strstr(why, "No suitable reader")) {
+    /* the library may take a text with the name of a format in it for a file of this format */
+    if (strstr(why, "No suitable reader") ||
+        (file_format_of_name(b->name) == FILE_FORMAT_UNKNOWN &&
+         file_format_of_bytes(b->data, b->size) == FILE_FORMAT_UNKNOWN)) {
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "its format is not known, by its name and first bytes: it is neither a mesh nor a volume that is "
@@ -516,7 +519,8 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
         memmove(own + sizeof file - 1, own + length, rest);
         memcpy(own, file, sizeof file - 1);
     }
-    const size_t used = strlen(text);
+    size_t used = strlen(text);
+    while (used > 0 && strchr(". \n", text[used - 1])) used--;
     snprintf(text + used, sizeof text - used, ". Repair it, or save it again.");
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }

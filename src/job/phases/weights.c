@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/core/memory.h"
 #include "job/report/patch_report.h"
@@ -94,9 +95,32 @@ bool weights_find(const weights_input *in, threads *pool, weights *out, error *e
     return ok;
 }
 
+/* Warns that the weights are areas of cells although the surface permits weights of high order. */
+static void warn_of_points(const weights *w, json *report)
+{
+    static const struct {
+        const char *reason, *found;
+    } rows[] = {
+        {"few_nodes", "the surface bends too much between the points, or a piece of it has too few points"},
+        {"triangulation", "the triangles between the points do not form a closed surface"},
+        {"singular", "points around a triangle do not determine them"},
+    };
+    json *warnings = json_find(report, "/surface/warnings");
+    for (size_t k = 0; w->reason && warnings && k < sizeof rows / sizeof *rows; k++) {
+        if (strcmp(w->reason, rows[k].reason) != 0) continue;
+        char *text =
+            mem_printf("the weights are areas of cells and not of high order: %s. Increase the number of "
+                       "points, or set a smaller spacing.",
+                       rows[k].found);
+        json_append_string(warnings, text);
+        free(text);
+    }
+}
+
 void weights_describe(const weights *w, json *report)
 {
     if (!w->value) return;
+    warn_of_points(w, report);
     json *object = json_put_object(report, "weights");
     json_put_string(object, "kind", w->reason ? "cells" : "high_order");
     json_put_string(object, "reason", w->reason);

@@ -36,7 +36,8 @@ typedef struct weights_input {
 /* Computes the weights of points that are measured, in place of earlier ones. Errors: limit_memory, cancelled. */
 bool weights_find(const weights_input *in, threads *pool, weights *out, error *e);
 
-/* Adds the member `weights` to the report, if there are any. */
+/* Adds the member `weights` to the report, if there are any, and a warning if more points permit weights of high
+ * order. The report has its member `surface`. */
 void weights_describe(const weights *w, json *report);
 void weights_free(weights *w); /* accepts a zeroed object */
 

@@ -158,9 +158,10 @@ static bool cut_bends(const mesh_source_request *r, const welded *w, const mesh_
 }
 
 /* Decides whether the mesh is sampled on its triangles: *made is empty if it becomes a level set. `thin`: a
- * level set was tried, and represents too little or encloses no volume. */
+ * level set was tried, and represents too little or encloses no volume. *open_edges: of the mesh before a region
+ * cuts it. */
 static bool choose_patches(const mesh_source_request *r, const welded *w, bool thin, mesh_notes *notes,
-                           mesh_patches *made, error *e)
+                           mesh_patches *made, size_t *open_edges, error *e)
 {
     const spec_mesh *s = r->spec;
     const double angle = s->has_features ? s->feature_angle : MESH_PATCHES_AUTOMATIC;
@@ -175,6 +176,7 @@ static bool choose_patches(const mesh_source_request *r, const welded *w, bool t
         mesh_patches_free(&given);
         return ok;
     }
+    *open_edges = given.open_edges;
     if (!r->to_world && !r->region) {
         *made = given;
         *notes = as_given;
@@ -339,7 +341,9 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
 {
     mesh_patches patches = {0};
     mesh_notes about = *read;
-    if (!choose_patches(r, w, false, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
+    size_t open_edges = 0;
+    if (!choose_patches(r, w, false, &about, &patches, &open_edges, e))
+        return error_prefix(e, "%s", r->as_volume.path);
     if (patches.count == 0) {
         volume *opened = open_level_set(r, w, read, e);
         const char *why = why_triangles(r, opened, e);
@@ -347,14 +351,15 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
         if (!why && !opened && !r->alone && e->code == ERROR_INPUT_UNSUPPORTED) explain_closed(e);
         if (!why) return opened != NULL;
         volume_close(opened);
-        if (!choose_patches(r, w, true, &about, &patches, e)) return error_prefix(e, "%s", r->as_volume.path);
+        if (!choose_patches(r, w, true, &about, &patches, &open_edges, e))
+            return error_prefix(e, "%s", r->as_volume.path);
         mesh_note(&about, "%s", why);
     }
-    if (patches.open_edges)
+    if (open_edges > 0)
         mesh_note(&about,
                   "the mesh is open (%zu edges with one triangle): it is sampled as an open surface; "
                   "set holes to \"fill\" to close it",
-                  patches.open_edges);
+                  open_edges);
     if (patches.turned > 0)
         mesh_note(&about,
                   "%zu of %zu triangles are reversed, so that normals agree along edges and point out "

@@ -124,9 +124,12 @@ static bool find_result(const http_context *c, const http_request *request, plac
         reply_set_problem(r, "conflict", NULL, "the job %s has not ended (its state is %s): wait for its end",
                           job.id, queue_state_name(state));
     else if (state != QUEUE_SUCCEEDED)
-        reply_set_problem(r, "not_found", NULL,
-                          "the job %s has no results, because its state is %s: see its error", job.id,
-                          queue_state_name(state));
+        reply_set_problem(
+            r, "not_found", NULL,
+            state == QUEUE_CANCELLED
+                ? "the job %s has no results, because its state is %s: hexadctl retry %s runs it again"
+                : "the job %s has no results, because its state is %s: hexadctl show %s prints its error",
+            job.id, queue_state_name(state), job.id);
     else if (!result_list(path, &p->found, &e))
         reply_set_error(r, &e, NULL);
     else
