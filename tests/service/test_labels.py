@@ -382,6 +382,16 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_few_counts_help(send, count):
     assert [r["criterion"] for r in notes["outcome_reasons"]] == ["hex_fraction"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_touch_share_their_points(sample, seed):
+    """Lines between labels touch where a label is pinched, mostly at no corner of theirs."""
+    print(f"seed {seed}")
+    random = numpy.random.default_rng(seed)
+    inner = numpy.argmax([ndimage.gaussian_filter(random.normal(size=(20,) * 3), 1) for _ in range(4)], axis=0)
+    report, points = sample(numpy.pad(inner.astype("u1"), 2), count=4000, solver={"max_sweeps": 1}, output={"mesh": False})
+    assert report["quality"]["coincident"] == 0 and (points.feature >= ON_LINE).sum() > 1000
+
+
 def test_points_that_all_lie_near_curves_are_measured(sample):
     """A foam of cells two spacings wide: nothing is left out, and the doubled points along short curves are found."""
     report, _ = sample(cells(12, 18), count=200, output={"mesh": False})
