@@ -2,6 +2,7 @@
 """The interfaces of a segmentation, as a user hands it to the worker: each once, with its labels, where the shapes truly
 are; or an error that says what is wrong."""
 import json
+import re
 import zlib
 
 import numpy
@@ -382,6 +383,16 @@ def test_of_a_voxel_or_a_row_alone_it_is_said_that_few_counts_help(send, count):
     assert [r["criterion"] for r in notes["outcome_reasons"]] == ["hex_fraction"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_touch_share_their_points(sample, seed):
+    """Lines between labels touch where a label is pinched, mostly at no corner of theirs."""
+    print(f"seed {seed}")
+    random = numpy.random.default_rng(seed)
+    inner = numpy.argmax([ndimage.gaussian_filter(random.normal(size=(20,) * 3), 1) for _ in range(4)], axis=0)
+    report, points = sample(numpy.pad(inner.astype("u1"), 2), count=4000, solver={"max_sweeps": 1}, output={"mesh": False})
+    assert report["quality"]["coincident"] == 0 and (points.feature >= ON_LINE).sum() > 1000
+
+
 def test_points_that_all_lie_near_curves_are_measured(sample):
     """A foam of cells two spacings wide: nothing is left out, and the doubled points along short curves are found."""
     report, _ = sample(cells(12, 18), count=200, output={"mesh": False})
@@ -559,6 +570,27 @@ def test_a_majority_is_advised_before_groups(sample):
     labels[:, 8:36, 22][labels[:, 8:36, 22] == 1] = 3
     report, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
     assert [a["code"] for a in report["advice"]] == ["ragged_labels", "thin_labels", "unresolved"]
+
+
+@pytest.mark.parametrize("kind", ["labels", "volume"])
+def test_inspections_estimates_and_reports_advise_the_same_count(worker, tmp_path, kind):
+    """Slices that do not match, and noise, have walls thinner than half a voxel. The count is of walls of half a voxel,
+    whatever the present count."""
+    print("seed 24")
+    noise = ndimage.gaussian_filter(numpy.random.default_rng(24).normal(size=(24,) * 3), 0.7).astype("f4")
+    write_nrrd(tmp_path / "v.nrrd", shifted_slices(30) if kind == "labels" else noise)
+    suggestions = json.loads(worker("v.nrrd", "--json", command="inspect", output=None).stdout)["suggestions"]
+    inspected = next(s for s in suggestions if kind in s["spec"]["surface"])
+    counts = [inspected["count"]]
+    for count in (400, 1600):
+        spec = {"version": 1, "surface": inspected["spec"]["surface"], "sampling": {"count": count}, "output": {"preview": False}}
+        estimate = json.loads(worker(spec, command="estimate", output=f"estimate{count}").stdout)
+        worker(spec, output=f"out{count}")
+        report = json.loads((tmp_path / f"out{count}" / "report.json").read_text())
+        print(report["outcome"], report["advice"])
+        counts += [int(re.search("ask for ([0-9]+) points", " ".join(warnings))[1])
+                   for warnings in (estimate["warnings"], report["surface"]["warnings"])]
+    assert max(counts) <= 1.1 * min(counts), counts
 
 
 @pytest.mark.extended

@@ -333,11 +333,38 @@ static void points_that_still_move_do_not_require_more_sweeps(void **state)
     assert_non_null(strstr(message_of(&v, "step_left"), "use region"));
 }
 
+/* More points than separate walls of half a voxel are not advised, whatever the distance of the walls. */
+static void a_resolution_is_not_finer_than_the_data(void **state)
+{
+    (void)state;
+    const spec s = {.surface = {.kind = SPEC_SURFACE_VOLUME}};
+    const double area = 1000, thinnest = 0.12;
+    const size_t count[] = {1000, 10000, 100000};
+    const advice_resolution first = advice_resolve(area, 1000, 1e-6, thinnest);
+    for (int k = 0; k < 3; k++) {
+        const advice_resolution to = advice_resolve(area, count[k], 0.001 * k, thinnest);
+        assert_true(to.of_voxels && !to.reached && fabs(to.count / first.count - 1) < 0.02);
+        assert_true(to.spacing < thinnest / 1.2 && to.spacing > 0.8 * thinnest / 1.2);
+        assert_true(advice_resolve(area, count[k], 0.001, 0).count > 1e8);
+    }
+    const advice_resolution coarser = advice_resolve(area, 1000, 0.5, thinnest),
+                            beyond = advice_resolve(area, 1000000, 0.5, thinnest);
+    assert_true(!coarser.of_voxels && coarser.count == 4000);
+    assert_true(beyond.reached);
+    char *of_first = advice_warn_of_walls(&s, 0.5, false, first),
+         *of_beyond = advice_warn_of_walls(&s, 0.5, false, beyond);
+    assert_non_null(strstr(of_first, "walls of half a voxel, the thinnest that the data determine, ask for"));
+    assert_non_null(strstr(of_beyond, "which the data do not determine: smooth the input"));
+    assert_null(strstr(of_beyond, "ask for"));
+    free(of_first);
+    free(of_beyond);
+}
+
 /* The spec refuses a region of labels. */
 static void a_resolution_beyond_all_counts_is_not_advised_a_region_of_labels(void **state)
 {
     (void)state;
-    const advice_resolution to = {0.001, 2e9};
+    const advice_resolution to = {.spacing = 0.001, .count = 2e9};
     spec s = {.surface = {.kind = SPEC_SURFACE_MESH}};
     char *of_mesh = advice_warn_of_walls(&s, 0.5, true, to);
     s.surface.kind = SPEC_SURFACE_LABELS;
@@ -582,6 +609,7 @@ int main(void)
         cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
         cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
         cmocka_unit_test(points_that_still_move_do_not_require_more_sweeps),
+        cmocka_unit_test(a_resolution_is_not_finer_than_the_data),
         cmocka_unit_test(a_resolution_beyond_all_counts_is_not_advised_a_region_of_labels),
         cmocka_unit_test(a_step_that_is_not_known_fails_nothing),
         cmocka_unit_test(a_solve_that_still_moves_outranks_gaps),

@@ -425,6 +425,28 @@ static void curve_samples_of_a_low_step_are_merged(void **state)
     curve_samples_free(&rows);
 }
 
+/* Curves that cross without a common corner, as lines between labels may, have one sample where a sample of each
+ * would be. Near samples at different places remain. */
+static void curve_samples_at_the_same_place_are_one(void **state)
+{
+    (void)state;
+    static faces s;
+    error e = {0};
+    curve_samples rows;
+    const boundary_request request = {.spacing = 0.1, .even = 0.1, .most = SIZE_MAX};
+    const double apart[] = {0, 1e-8, -1e-8, 0.01};
+    for (int k = 0; k < 4; k++) {
+        make_slit_face(&s, (vec3){0.05 + apart[k], -0.2, 0}, (vec3){0.05 + apart[k], 0.3, 0});
+        s.patches.merges_near_curves = false;
+        assert_true(curve_samples_make(&s.base, &request, &rows, &e));
+        assert_int_equal(rows.corners, 4 + 4);
+        assert_int_equal(rows.count, 4 * 10 + 8 + (k < 3 ? 5 : 6));
+        assert_int_equal(rows.copies, rows.count);
+        assert_true(least_distance(&rows) > (k < 3 ? 0.09 : 0.009));
+        curve_samples_free(&rows);
+    }
+}
+
 /* Four corners of each of two squares that no curve connects are too many for one sample. The curves then
  * have no samples, because a part of them would lie on one side of the surface. */
 static void too_many_corners_have_no_samples(void **state)
@@ -612,7 +634,7 @@ static void curve_samples_of_one_patch_merge_on_one_side_only(void **state)
             rows.border[0] += half[k] = 0.5;
             spacing[k] = 2 * M_PI / PLACES;
         }
-        const near_curves_input in = {2, 2, closed, end, first, spacing, half, false};
+        const near_curves_input in = {2, 2, closed, end, first, spacing, half, false, false};
         error e = {0};
         assert_true(near_curves_merge(&in, &rows, &e));
         assert_int_equal(rows.count, facing < 0 ? 2 * PLACES : PLACES);
@@ -659,7 +681,7 @@ static void make_circles(circles *c, size_t count, uint32_t places, const double
         c->closed[k] = true;
         c->first[k + 1] = (k + 1) * places;
     }
-    c->in = (near_curves_input){4, count, c->closed, c->end, c->first, c->spacing, c->half, false};
+    c->in = (near_curves_input){4, count, c->closed, c->end, c->first, c->spacing, c->half, false, false};
 }
 
 /* The rim of a thin plate is an acute wedge of two faces. Its upper and its lower edge are on opposite walls.
@@ -719,7 +741,7 @@ static void samples_of_a_curve_that_folds_back_are_merged(void **state)
         rows.border[0] += half[k] = 0.5;
         spacing[k] = 1;
     }
-    const near_curves_input in = {1, 1, &closed, end, first, spacing, half, false};
+    const near_curves_input in = {1, 1, &closed, end, first, spacing, half, false, false};
     error e = {0};
     assert_true(near_curves_merge(&in, &rows, &e));
     assert_in_range(rows.count, PART, PART + 2);
@@ -797,6 +819,7 @@ int main(void)
         cmocka_unit_test(curve_samples_follow_the_count),
         cmocka_unit_test(curve_samples_are_graded),
         cmocka_unit_test(curve_samples_of_a_low_step_are_merged),
+        cmocka_unit_test(curve_samples_at_the_same_place_are_one),
         cmocka_unit_test(points_are_held_at_given_positions),
         cmocka_unit_test(merging_curve_samples_cuts_off_less_than_a_third),
         cmocka_unit_test(curves_with_a_small_angle_share_their_first_samples),

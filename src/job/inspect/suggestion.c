@@ -74,9 +74,14 @@ static void describe_unseen(const field *f, const json *shape, json *item)
 
 /* Warns that walls may be thinner than the smallest distance that an inspection measures. The job's report
  * may then advise more points. */
-static void warn_of_thinner_walls(const clearance *room, json *warnings)
+static void warn_of_thinner_walls(const clearance *room, bool of_voxels, json *warnings)
 {
-    if (room->factor > room->least_factor || room->least_factor >= 1) return;
+    if (of_voxels)
+        json_append_string(
+            warnings,
+            "walls may be thinner than half a voxel: the stated points separate walls of half a voxel, "
+            "the thinnest that the data determine");
+    if (of_voxels || room->factor > room->least_factor || room->least_factor >= 1) return;
     json_append_string(
         warnings, "walls may be thinner than the smallest distance that an inspection measures: they take "
                   "more points than stated");
@@ -90,9 +95,10 @@ static bool describe(job *j, const json *shape, json *item, json *warnings, erro
     if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, MEASURES_THIN_SHARE, &room,
                            e))
         return false;
-    advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
-    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, room.factor);
-    warn_of_thinner_walls(&room, warnings);
+    advice_resolution to = {.spacing = packing_spacing(area, FEWEST), .count = FEWEST};
+    const double thinnest = source_thinnest_wall(&j->source, j->spec);
+    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, advice_factor(&room, thinnest), thinnest);
+    warn_of_thinner_walls(&room, to.of_voxels, warnings);
     json_put_integer(item, "cells", (int64_t)j->scan->cells);
     json_put_bool(item, "measured", true);
     json_put_number(item, "area", area);

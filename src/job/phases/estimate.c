@@ -130,7 +130,9 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
         !clearance_measure(j->scan, NULL, h, j->pool, MEASURES_THIN_SHARE, &c, NULL) ||
         c.unresolved_share <= MEASURES_THIN_SHARE)
         return;
-    const advice_resolution to = advice_resolve(j->scan->area, j->count, c.factor);
+    const double thinnest = source_thinnest_wall(&j->source, j->spec);
+    const advice_resolution to =
+        advice_resolve(j->scan->area, j->count, advice_factor(&c, thinnest), thinnest);
     char *warning = advice_warn_of_walls(j->spec, c.unresolved_share, true, to);
     json_append_string(warnings, warning);
     free(warning);

@@ -18,10 +18,19 @@ static double rounded_up(double value)
     return ceil(value / unit * (1 - 1e-12)) * unit;
 }
 
-advice_resolution advice_resolve(double area, size_t count, double factor)
+advice_resolution advice_resolve(double area, size_t count, double factor, double thinnest)
 {
-    const double by = factor < 1 ? factor : BLIND_FACTOR, points = rounded_up((double)count / (by * by));
-    return (advice_resolution){packing_spacing(area, points), points};
+    const double by = factor < 1 ? factor : BLIND_FACTOR,
+                 least = clearance_spacing(thinnest) / packing_spacing(area, (double)count);
+    if (least >= 1)
+        return (advice_resolution){packing_spacing(area, (double)count), (double)count, true, true};
+    const double applied = fmax(by, least), points = rounded_up((double)count / (applied * applied));
+    return (advice_resolution){packing_spacing(area, points), points, by <= least, false};
+}
+
+double advice_factor(const clearance *walls, double thinnest)
+{
+    return thinnest > 0 && walls->factor <= walls->least_factor ? 0 : walls->factor;
 }
 
 /* The format of the end of messages about a resolution that no permitted count has. */
@@ -38,11 +47,15 @@ static const char *other_remedy(const spec *s)
 char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to)
 {
     char *how =
-        to.count > PLAN_COUNT_MAX
+        to.reached ? mem_printf("They are thinner than half a voxel, which the data do not determine: %s",
+                                other_remedy(s))
+        : to.count > PLAN_COUNT_MAX
             ? mem_printf(
                   "The two sides of these walls are distinguished at a spacing of %.3g, which takes " BEYOND_THE_MAXIMUM,
                   to.spacing, PLAN_COUNT_MAX, other_remedy(s))
-            : mem_printf("To distinguish the two sides of these walls, ask for %.0f points (spacing %.3g)",
+            : mem_printf("To distinguish the two sides of %s, ask for %.0f points (spacing %.3g)",
+                         to.of_voxels ? "walls of half a voxel, the thinnest that the data determine"
+                                      : "these walls",
                          to.count, to.spacing);
     char *text = mem_printf(
         of_surface
@@ -93,7 +106,11 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
     const char *target = choose_target(s, area, to, &value);
     char *message,
         *more = memory > of->limit ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
-    if (to.count > PLAN_COUNT_MAX) {
+    if (to.reached) {
+        message = mem_printf("walls are thinner than half a voxel, which the data do not determine: %s",
+                             other_remedy(s));
+        advice_append(list, code, message);
+    } else if (to.count > PLAN_COUNT_MAX) {
         message = mem_printf(
             "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of "
             "%.3g and " BEYOND_THE_MAXIMUM,
@@ -114,8 +131,9 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
     } else {
         message = mem_printf(
             "the spacing is too large to distinguish the two sides of thin walls: set %s to %.10g%s, "
-            "which gives %.0f points (spacing %.3g)",
-            target, value, more, to.count, to.spacing);
+            "which gives %.0f points (spacing %.3g)%s",
+            target, value, more, to.count, to.spacing,
+            to.of_voxels ? " and separates walls of half a voxel, the thinnest that the data determine" : "");
         json *set = advice_append(list, code, message);
         json_put_number(set, target, value);
         if (memory > of->limit) json_put_number(set, "/limits/memory_mb", memory);

@@ -11,17 +11,25 @@
 #include <stddef.h>
 
 #include "base/json/json.h"
+#include "sampling/sizing/clearance.h"
 #include "spec/spec.h"
 
 typedef struct advice_resolution {
     double spacing; /* of a uniform packing, world units */
     /* number of points at that spacing; rounded up to two digits, and consistent with `spacing` */
     double count;
+    bool of_voxels; /* it separates walls of half a voxel; the surface has thinner ones */
+    bool reached;   /* the present spacing is at most that of `of_voxels` */
 } advice_resolution;
 
 /* The resolution that separates the walls of a surface: `area` in world units squared, `count` points at
- * present, whose spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used. */
-advice_resolution advice_resolve(double area, size_t count, double factor);
+ * present, whose spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used.
+ * `thinnest`: thickness of the thinnest walls to separate (source_thinnest_wall); 0: no limit. */
+advice_resolution advice_resolve(double area, size_t count, double factor, double thinnest);
+
+/* The factor for advice_resolve from measured walls: 0 if walls are closer than the smallest distance that was
+ * measured and the data determine none below `thinnest`. */
+double advice_factor(const clearance *walls, double thinnest);
 
 /* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and
  * the resolution that separates them. The share of the surface is for results whose points represent it, and

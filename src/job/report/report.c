@@ -83,7 +83,8 @@ static bool find_thin_walls(const report_facts *facts, thin_walls *out)
         *out = (thin_walls){share, facts->measures->thin_factor, false};
     else if (clearance_measure(facts->scan, facts->sizing, packing_spacing(facts->scan->area, (double)count),
                                facts->pool, MEASURES_THIN_SHARE, &c, NULL))
-        *out = (thin_walls){c.unresolved_share, c.factor, true};
+        *out = (thin_walls){c.unresolved_share,
+                            advice_factor(&c, source_thinnest_wall(facts->source, facts->spec)), true};
     else
         return false;
     return out->share > MEASURES_THIN_SHARE;
@@ -94,11 +95,13 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
 {
     const size_t count = solver_result_points(facts->solver)->count;
     const double area = facts->scan->area;
-    const advice_resolution to = advice_resolve(area, count, walls->factor);
+    const advice_resolution to =
+        advice_resolve(area, count, walls->factor, source_thinnest_wall(facts->source, facts->spec));
     char *text = advice_warn_of_walls(facts->spec, walls->share, walls->of_surface, to);
     json_append_string(warnings, text);
     free(text);
-    if (facts->result->outcome != OUTCOME_CONVERGED && to.count > WORTH_ADVICE * (double)count)
+    if (facts->result->outcome != OUTCOME_CONVERGED &&
+        (to.reached || to.count > WORTH_ADVICE * (double)count))
         advice_append_resolution(
             advice, facts->spec, area, to,
             &(advice_memory){

@@ -912,6 +912,15 @@ double source_missing_share(const source *s)
                 of.combined > 0 ? of.in_walls / of.combined : 0);
 }
 
+double source_thinnest_wall(const source *s, const spec *of)
+{
+    const bool is_volume = s->whole.volume && of->surface.kind != SPEC_SURFACE_MESH;
+    const double voxel = s->whole.labels ? label_surface_voxel(s->whole.labels)
+                         : is_volume     ? s->whole.field->cell_size
+                                         : 0;
+    return 0.5 * voxel;
+}
+
 size_t source_thin_places(const source *s, const vec3 **place)
 {
     *place = NULL;

@@ -121,6 +121,9 @@ bool source_starts_in_cells(const source *s);
  * thinner than the voxels; of combinations, parts that may be missing, since they are thinner than the
  * cells. */
 double source_missing_share(const source *s);
+/* Returns half the side of a voxel: the data of a volume or a segmentation do not determine thinner walls. 0: other
+ * surfaces. World units. */
+double source_thinnest_wall(const source *s, const spec *of);
 /* Returns the number of places on parts of a mesh that its level set omits. *place: the places, in the
  * sampled space, owned by the source. 0 for a mesh that is transformed, cut or one of several. */
 size_t source_thin_places(const source *s, const vec3 **place);

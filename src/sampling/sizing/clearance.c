@@ -192,6 +192,11 @@ static size_t count_near(const clearance_job *job, size_t count)
     return near;
 }
 
+double clearance_spacing(double distance)
+{
+    return UNEVEN * distance / RESOLUTION_GAP;
+}
+
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
                        double allowed, clearance *out, error *e)
 {

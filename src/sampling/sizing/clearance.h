@@ -31,4 +31,7 @@ typedef struct clearance {
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
                        double allowed, clearance *out, error *e);
 
+/* The spacing that separates walls at this distance, as clearance_measure computes it. */
+double clearance_spacing(double distance);
+
 #endif

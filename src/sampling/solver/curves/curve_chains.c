@@ -57,8 +57,8 @@ static vec3 end_of(const field_patches *p, const field_curve *c, int which)
     return p->vertex[c->first + (which == 0 ? 0 : c->count - 1)];
 }
 
-/* Maximum distance between a corner and the point that represents it if near curves were merged, in spacings.
- * This is the largest merge distance of near_curves. */
+/* Maximum distance between a corner and the point that represents it, in spacings: the largest merge distance of
+ * near_curves. */
 static const double SHARED_POINT_DISTANCE = 0.65;
 
 static bool is_near(const solver_points *solved, uint32_t point, vec3 at)
@@ -75,7 +75,7 @@ static void share_points(const field_patches *p, const solver_points *solved, co
             const corner *other = find_corner(all, end_of(p, &p->curve[c], 1 - k));
             const double length = curve_chains_length(p, &p->curve[c]);
             if (own->length == 0 || other->length != 0 || !(length < own->length)) continue;
-            if (p->merges_near_curves && !is_near(solved, other->point, own->at)) continue;
+            if (!is_near(solved, other->point, own->at)) continue;
             own->length = length;
             own->point = other->point;
         }

@@ -429,15 +429,17 @@ static bool subtract_euler(const layout *l, curve_samples *out, error *e)
     return ok;
 }
 
-/* Merges samples of curves that are closer to each other than the packing allows (near_curves). */
+/* Merges samples of curves that are closer to each other than the packing allows, or at the same place
+ * (near_curves). */
 static bool merge_near_samples(layout *l, curve_samples *out, error *e)
 {
     const field_patches *p = l->patches;
     bool *closed = mem_array(p->curve_count, sizeof *closed, WHAT, e);
     uint32_t(*ends)[2] = mem_array(p->curve_count, sizeof *ends, WHAT, e);
     double *spacing = mem_array(out->count, sizeof *spacing, WHAT, e);
-    const near_curves_input in = {p->count,        p->curve_count, closed,  ends,
-                                  l->first_sample, spacing,        l->half, p->has_rough_curves};
+    const near_curves_input in = {p->count, p->curve_count,      closed,
+                                  ends,     l->first_sample,     spacing,
+                                  l->half,  p->has_rough_curves, !p->merges_near_curves};
     bool ok = closed && ends && spacing;
     for (size_t c = 0; ok && c < p->curve_count; c++) {
         closed[c] = p->curve[c].closed;
@@ -468,7 +470,7 @@ static bool sample_all(layout *l, const field *f, curve_samples *out, error *e)
         ok = sample_curve(l, f, c, out, e);
         l->first_sample[c + 1] = out->count;
     }
-    return ok && (!p->merges_near_curves || merge_near_samples(l, out, e));
+    return ok && merge_near_samples(l, out, e);
 }
 
 /* Samples all curves, and increases the spacing while there are more than `most` samples. */

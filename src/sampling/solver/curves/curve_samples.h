@@ -5,7 +5,8 @@
  * A curve between corners is divided into equal steps. Their number brings the step nearest to the requested
  * spacing. A curve shorter than half the spacing has no samples of its own, and one of its corners represents
  * both. A sample is one point of the surface. It has one copy for each incident patch, with that patch's
- * normal. If the patches require it, samples of near curves are merged (near_curves). World space.
+ * normal. If the patches require it, samples of near curves are merged, otherwise samples at the same place
+ * (near_curves). World space.
  */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_CURVE_SAMPLES_H
 #define HEXAD_SAMPLING_SOLVER_CURVES_CURVE_SAMPLES_H

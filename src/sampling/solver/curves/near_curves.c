@@ -16,6 +16,8 @@ static const uint32_t NONE = UINT32_MAX;
 /* Within this multiple of the merge distance a remaining sample gets copies for removed samples of a parallel
  * curve. Larger: copies for samples that it does not face. */
 static const double FACING_DISTANCE = 1.3;
+/* Merge distance of samples at the same place, in spacings: that of coincident points in the measures. */
+static const double COINCIDENT_DISTANCE = 1e-3;
 
 /* A segment of a sampled curve, from one sample to the next. */
 typedef struct segment {
@@ -207,7 +209,7 @@ static bool is_earlier(const segment *s, uint32_t place, uint32_t curve)
 
 static double merge_distance(const merging *m)
 {
-    return m->in->of_scan ? NEAR_CURVES_OF_SCANS : NEAR_CURVES;
+    return m->in->coincident_only ? COINCIDENT_DISTANCE : m->in->of_scan ? NEAR_CURVES_OF_SCANS : NEAR_CURVES;
 }
 
 /* The nearest sample of an earlier curve that a sample is merged into; the sample itself if there is none. Of equal
@@ -230,8 +232,9 @@ static uint32_t find_target(merging *m, uint32_t place, uint32_t curve)
         const uint32_t nearer = is_end ? (s->from == place ? b : a) : to_a <= to_b ? a : b;
         const double distance = nearer == a ? to_a : to_b;
         if (nearer == place || distance > least || (distance == least && near[k] > found_by)) continue;
-        const double away =
-            is_end ? distance : distance_to(x, m->samples->position[a], m->samples->position[b]);
+        const double away = is_end || m->in->coincident_only
+                                ? distance
+                                : distance_to(x, m->samples->position[a], m->samples->position[b]);
         if (!(away < reach) || !are_mergeable(m, place, nearer)) continue;
         least = distance;
         found = nearer;
@@ -261,7 +264,9 @@ static void merge_corner(merging *m, uint32_t corner)
                        nearer =
                            end[distance_between(m, corner, end[1]) < distance_between(m, corner, end[0])];
         if (nearer >= m->samples->corners && s->from != corner && s->to != corner &&
-            distance_to(x, m->samples->position[s->from], m->samples->position[s->to]) < reach &&
+            (m->in->coincident_only
+                 ? distance_between(m, corner, nearer)
+                 : distance_to(x, m->samples->position[s->from], m->samples->position[s->to])) < reach &&
             is_free_to_merge(m, corner, nearer))
             m->target[nearer] = corner;
         for (int i = 0; i < 2; i++)

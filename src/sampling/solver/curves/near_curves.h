@@ -11,6 +11,9 @@
  * walls, whose normals differ by more than 114 degrees (RESOLUTION_OPPOSITE). The test compares the present
  * copies of two samples. Thus edges of opposite walls may be merged in a second pass: if a curve between them
  * was merged into both, both have copies on its patches.
+ *
+ * If the surface does not require this, only samples at the same place are merged: curves may touch where they
+ * have no common corner, as lines between labels do where a label is pinched.
  * World space.
  */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_NEAR_CURVES_H
@@ -35,6 +38,7 @@ typedef struct near_curves_input {
      * is then the end of a curve and not a corner of the surface; it is merged into the nearest sample
      * within 0.65 spacings. */
     bool of_scan;
+    bool coincident_only; /* merge only samples within 0.001 spacings of each other */
 } near_curves_input;
 
 /* Changes *samples in place. Error: limit_memory. Deterministic. */
