@@ -225,7 +225,7 @@ def test_words_about_files_are_the_users(worker, tmp_path):
         return error["code"], error["message"]
     (tmp_path / "mine.dae").write_bytes(b"no triangles are in this file" * 9)
     code, words = fails("mine.dae")
-    assert code == "input_damaged" and "mesh.dae" not in words and "malformed XML" in words
+    assert code == "input_damaged" and "mesh.dae" not in words and "line 1 is not valid XML" in words
     (tmp_path / "mine.stl").write_bytes(b"no triangles are in this file" * 9)
     code, words = fails("mine.stl")
     assert code == "input_damaged" and 'does not begin with "solid"' in words and "has 261 of" in words
