@@ -643,6 +643,41 @@ static void curve_samples_of_one_patch_merge_on_one_side_only(void **state)
     }
 }
 
+/* Where a part is pinched, samples of its two sides are at the same place: they are one, whatever their normals. */
+static void curve_samples_at_a_pinched_place_are_one(void **state)
+{
+    (void)state;
+    enum { PLACES = 10 };
+    const bool closed[2] = {true, true};
+    const size_t first[3] = {0, PLACES, 2 * PLACES};
+    uint32_t end[2][2] = {{0}};
+    double spacing[2 * PLACES], half[2 * PLACES];
+    for (int facing = -1; facing <= 1; facing += 2) {
+        curve_samples rows = {.count = 2 * PLACES, .copies = 2 * PLACES};
+        rows.position = calloc(2 * PLACES, sizeof *rows.position);
+        rows.curve = calloc(2 * PLACES, sizeof *rows.curve);
+        rows.place = calloc(2 * PLACES, sizeof *rows.place);
+        rows.patch = calloc(2 * PLACES, sizeof *rows.patch);
+        rows.normal = calloc(2 * PLACES, sizeof *rows.normal);
+        rows.border = calloc(1, sizeof *rows.border);
+        for (uint32_t k = 0; k < 2 * PLACES; k++) { /* circles, one slightly above the other */
+            const double angle = 2 * M_PI * k / PLACES;
+            rows.position[k] = (vec3){cos(angle), sin(angle), k < PLACES ? 0 : 1e-8};
+            rows.curve[k] = k / PLACES;
+            rows.place[k] = k;
+            rows.normal[k] = (vec3){0, 0, k < PLACES ? 1 : facing};
+            rows.border[0] += half[k] = 0.5;
+            spacing[k] = 2 * M_PI / PLACES;
+        }
+        const near_curves_input in = {2, 2, closed, end, first, spacing, half, false, true};
+        error e = {0};
+        assert_true(near_curves_merge(&in, &rows, &e));
+        assert_int_equal(rows.count, PLACES);
+        assert_close(rows.border[0], 0.5 * (double)rows.count, 1e-12);
+        curve_samples_free(&rows);
+    }
+}
+
 /* Samples on circles of radius 1 around the z axis: circle c has copies for two patches. */
 typedef struct circles {
     curve_samples rows;
@@ -829,6 +864,7 @@ int main(void)
         cmocka_unit_test(bends_of_rough_curves_are_no_corners),
         cmocka_unit_test(curve_samples_on_opposite_sides_are_not_merged),
         cmocka_unit_test(curve_samples_of_one_patch_merge_on_one_side_only),
+        cmocka_unit_test(curve_samples_at_a_pinched_place_are_one),
         cmocka_unit_test(curve_samples_at_a_wedge_between_opposite_walls_are_merged),
         cmocka_unit_test(single_samples_of_two_closed_curves_are_merged),
         cmocka_unit_test(too_many_corners_have_no_samples),

@@ -193,6 +193,9 @@ static bool were_on_one_side(const merging *m, uint32_t i, uint32_t j)
  * curve between them was merged. */
 static bool are_mergeable(const merging *m, uint32_t i, uint32_t j)
 {
+    const uint32_t *patch = m->samples->patch;
+    if (m->in->coincident_only) /* normals at a pinched place are arbitrary */
+        return m->joined[patch[m->first_copy[i]]] == m->joined[patch[m->first_copy[j]]];
     for (size_t a = m->first_new[i]; a < m->first_new[i + 1]; a++)
         for (size_t b = m->first_new[j]; b < m->first_new[j + 1]; b++)
             if (is_one_side(m, m->new_copies[a].source, m->new_copies[b].source)) return true;

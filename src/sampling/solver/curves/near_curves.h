@@ -12,8 +12,8 @@
  * copies of two samples. Thus edges of opposite walls may be merged in a second pass: if a curve between them
  * was merged into both, both have copies on its patches.
  *
- * If the surface does not require this, only samples at the same place are merged: curves may touch where they
- * have no common corner, as lines between labels do where a label is pinched.
+ * If the surface does not require this, only samples at the same place are merged, whatever their normals:
+ * curves may touch where they have no common corner, as lines between labels do where a label is pinched.
  * World space.
  */
 #ifndef HEXAD_SAMPLING_SOLVER_CURVES_NEAR_CURVES_H
