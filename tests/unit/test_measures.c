@@ -383,6 +383,24 @@ static void random_points_on_a_sphere_are_irregular_and_leave_gaps(void **state)
     assert_true(got.coincident == 0 && got.close_share > 0.1);
 }
 
+/* Every list has all other points: more than are evaluated at once. */
+static void over_dense_points_are_compared_with_all_others(void **state)
+{
+    (void)state;
+    enum { POINTS = 600 };
+    const double spacing = 1.5;
+    rng r = rng_seed(12, 0);
+    scene s = scene_sphere(20, 40);
+    double least = INFINITY;
+    scene_random_points(&s, POINTS, &r);
+    scene_set_spacing(&s, spacing);
+    for (size_t i = 0; i < POINTS; i++)
+        for (size_t j = 0; j < i; j++) least = fmin(least, vec3_norm(vec3_sub(s.point[i], s.point[j])));
+    const measures got = measure(s);
+    assert_close(got.min_spacing_ratio, least / spacing, 1e-12);
+    assert_close(got.close_share, 1, 0);
+}
+
 /* ---- transformations that do not change the measures */
 
 enum { SCENES = 6, RANDOM_POINTS = 60 };
@@ -497,6 +515,7 @@ int main(void)
         cmocka_unit_test(nested_shells_are_measured_apart),
         cmocka_unit_test(a_piece_lacks_points_if_the_request_there_is_for_one_or_more),
         cmocka_unit_test(random_points_on_a_sphere_are_irregular_and_leave_gaps),
+        cmocka_unit_test(over_dense_points_are_compared_with_all_others),
         cmocka_unit_test(the_number_of_threads_changes_no_byte),
         cmocka_unit_test(a_rigid_motion_changes_no_measure),
         cmocka_unit_test(smaller_triangles_of_the_same_surface_change_no_measure),

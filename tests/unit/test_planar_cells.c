@@ -55,7 +55,9 @@ static planar_cell middle_cell(sheet *s, double *area)
     partition part = {0};
     planar_cell cell;
     assert_true(pool && partitions_cut(&in, pool, &all, &e) && partition_fill(&in, &all, 0, pool, &part, &e));
-    planar_cell_at(&part, s->piece, MIDDLE, &cell, area);
+    voronoi_listed listed;
+    planar_cells_gather(&part, MIDDLE, 0, &listed);
+    planar_cell_at(&part, s->piece, MIDDLE, &listed, &cell, area);
     partition_free(&part);
     partitions_free(&all);
     threads_free(pool);

@@ -104,11 +104,13 @@ static size_t compare_stars(const set *s)
     const voronoi_sites sites = {s->position, s->normal, s->spacing, near, NULL, NULL};
     size_t clear = 0;
     voronoi_star *stars = calloc(s->count, sizeof *stars), polygon;
+    voronoi_listed listed;
     for (uint32_t a = 0; a < s->count; a++) voronoi_star_triangles(&sites, a, &stars[a]);
     for (uint32_t a = 0; a < s->count; a++) {
         compare_ends(&sites, a, stars);
         compare_corners(a, stars);
-        if (!voronoi_star_planar(&sites, a, &voronoi_planar_strict, &polygon)) continue;
+        voronoi_gather_listed(&sites, a, 0, &listed);
+        if (!voronoi_star_planar(&sites, a, &listed, &polygon)) continue;
         compare_clear(&sites, a, &polygon, &stars[a]);
         clear++;
     }

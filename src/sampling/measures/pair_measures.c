@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/compare.h"
+#include "base/core/isa.h"
 #include "base/core/memory.h"
 #include "sampling/packing/energy.h"
 #include "sampling/packing/point_flags.h"
@@ -17,7 +19,7 @@ static const char what[] = "the measures of pairs of points";
 /* Points in a chunk of work; each chunk has its own partial sums. */
 enum { CHUNK = 256 };
 /* Pairs whose energies are summed at once. */
-enum { BATCH = 8 * ENERGY_LANES };
+enum { BATCH = 8 * ENERGY_LANES, LANES = ENERGY_LANES };
 /* Minimum distance in the energy, as a fraction of the support: the energy is not bounded at 0. */
 static const double CLOSEST = 1e-6;
 
@@ -54,85 +56,125 @@ static void sum_batch(energy_batch *b)
     b->count = 0;
 }
 
+/* A pair beyond the support adds nothing. */
 static void add_pair(energy_batch *b, double u2, double weight)
 {
-    if (!(u2 < 1)) return;
     if (b->count == BATCH) sum_batch(b);
-    b->u2[b->count] = fmax(u2, CLOSEST * CLOSEST);
-    b->weight[b->count++] = weight;
+    b->u2[b->count] = compare_larger(u2, CLOSEST * CLOSEST);
+    b->weight[b->count] = weight;
+    b->count += u2 < 1; /* unpredictable: no branch */
 }
-
-/* A pair of points, from the partition's copies. */
-typedef struct pair {
-    double square, facing; /* `square`: of the distance */
-} pair;
 
 /* The distance of the opposite walls on which two points lie, in spacings. INFINITY: the pair does not
  * determine it. Near a sharp edge the faces that meet there do not count as walls, unless they are parallel. */
-static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, pair p, double mean)
+static double wall_gap(const pair_measures_input *in, uint32_t i, uint32_t j, double square, double facing,
+                       double mean)
 {
     const sites *s = in->sites;
     const bool at_wedge =
-        in->odd && in->odd[i] & in->odd[j] & PACKING_AT_WEDGE && p.facing > RESOLUTION_PARALLEL;
-    if (p.square >= RESOLUTION_REACH * RESOLUTION_REACH * mean * mean || at_wedge) return INFINITY;
+        in->odd && in->odd[i] & in->odd[j] & PACKING_AT_WEDGE && facing > RESOLUTION_PARALLEL;
+    if (square >= RESOLUTION_REACH * RESOLUTION_REACH * mean * mean || at_wedge) return INFINITY;
     const vec3 r = vec3_sub(s->position[j], s->position[i]);
     return fmin(fabs(vec3_dot(s->normal[sites_first(s, i)], r)),
                 fabs(vec3_dot(s->normal[sites_first(s, j)], r))) /
            mean;
 }
 
-static pair pair_at(const pair_job *job, uint32_t at, uint32_t other)
+/* Pairs of a point and the entries of its list. */
+typedef struct listed_pairs {
+    double relative2[VORONOI_STAR_MAX]; /* the square of the distance over the mean spacing */
+    double u2[VORONOI_STAR_MAX], weight[VORONOI_STAR_MAX]; /* see energy_batch */
+} listed_pairs;
+
+ISA_CLONES static void compute_pairs(const voronoi_listed *restrict l, double h, double support, bool sized,
+                                     listed_pairs *restrict out)
+{
+    const double per_h = 1 / h, per_support2 = 1 / (support * support);
+    for (size_t first = 0; first < l->count; first += LANES)
+        for (size_t lane = 0; lane < LANES; lane++) {
+            const size_t k = first + lane;
+            const double mean = 0.5 * (h + l->spacing[k]);
+            out->relative2[k] = l->square[k] / (mean * mean);
+            out->weight[k] = 1;
+            out->u2[k] = l->square[k] * per_support2;
+        }
+    for (size_t first = 0; sized && first < l->count; first += LANES)
+        for (size_t lane = 0; lane < LANES; lane++) {
+            const size_t k = first + lane;
+            const double size = 0.5 * (h + l->spacing[k]) * per_h;
+            out->weight[k] = size * size;
+            out->u2[k] /= out->weight[k];
+        }
+}
+
+/* Replaces the cosines of pairs with several normals, or with normals without a sign. */
+static void replace_cosines(const pair_job *job, uint32_t at, voronoi_listed *l)
 {
     const partition *p = job->part;
     const sites *s = job->in->sites;
-    const bool plain = !s->patch_labels && (!p->flags || !(p->flags[at] | p->flags[other]));
-    return (pair){vec3_norm2(vec3_sub(p->position[at], p->position[other])),
-                  plain ? vec3_dot(p->normal[at], p->normal[other])
-                        : sites_facing_pair(s, p->index[at], p->index[other])};
+    const uint32_t *list = neighbours_list(p->near, at) + l->first;
+    if (!s->patch_labels && !p->flags) return;
+    for (uint32_t k = 0; k < l->count; k++)
+        if (s->patch_labels || p->flags[at] | p->flags[list[k]])
+            l->facing[k] = sites_facing_pair(s, p->index[at], p->index[list[k]]);
 }
 
-static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
+/* Sums over the pairs of one point. */
+typedef struct point_sums {
+    energy_batch energy;
+    double nearest2, gap;
+} point_sums;
+
+static void add_pairs(const pair_job *job, uint32_t at, const voronoi_listed *l, point_sums *sums)
 {
     const pair_measures_input *in = job->in;
     const sites *s = in->sites;
     const partition *part = job->part;
-    const uint32_t i = part->index[at], *list = neighbours_list(part->near, at);
-    const double h = part->spacing[at], support = packing_support(in->sized ? h : in->h),
-                 per_support2 = 1 / (support * support), per_h = 1 / h;
-    energy_batch b;
-    double nearest2 = INFINITY, gap = INFINITY;
-    b.count = 0;
-    b.energy = 0;
-    for (uint32_t k = 0; k < part->near->list_count[at]; k++) {
+    const uint32_t i = part->index[at], *list = neighbours_list(part->near, at) + l->first;
+    const double h = part->spacing[at];
+    energy_batch *b = &sums->energy;
+    listed_pairs of;
+    compute_pairs(l, h, packing_support(in->sized ? h : in->h), in->sized, &of);
+    for (uint32_t k = 0; k < l->count; k++) {
         const uint32_t j = part->index[list[k]];
-        const pair p = pair_at(job, at, list[k]);
-        const double mean = 0.5 * (h + part->spacing[list[k]]), size = mean * per_h;
+        const double facing = l->facing[k];
         const bool together = sites_piece(s, i) == sites_piece(s, j);
-        if (!(p.facing > SITES_OPPOSITE)) {
-            gap = fmin(gap, wall_gap(in, i, j, p, mean));
-        } else if (together && !(in->kept && in->kept[i] && in->kept[j])) {
-            if (p.square < nearest2 * mean * mean) nearest2 = p.square / (mean * mean);
-        }
-        if (p.facing <= VORONOI_OPPOSITE_COSINE || !together) continue;
-        const double u2 = p.square * per_support2;
-        if (in->sized)
-            add_pair(&b, u2 / (size * size), size * size);
-        else
-            add_pair(&b, u2, 1);
+        if (!(facing > SITES_OPPOSITE))
+            sums->gap = fmin(sums->gap, wall_gap(in, i, j, l->square[k], facing, 0.5 * (h + l->spacing[k])));
+        else if (together && !(in->kept && in->kept[i] && in->kept[j]))
+            sums->nearest2 = compare_smaller(sums->nearest2, of.relative2[k]);
+        if (facing > VORONOI_OPPOSITE_COSINE && together) add_pair(b, of.u2[k], of.weight[k]);
     }
-    sum_batch(&b);
-    const double nearest = sqrt(nearest2);
+}
+
+/* `l`: the first entries of the point's list, which are replaced. */
+static void measure_point(const pair_job *job, uint32_t at, voronoi_listed *l, pair_sums *sums)
+{
+    const pair_measures_input *in = job->in;
+    const uint32_t i = job->part->index[at];
+    point_sums of;
+    of.energy.count = 0;
+    of.energy.energy = 0;
+    of.nearest2 = of.gap = INFINITY;
+    for (;;) {
+        replace_cosines(job, at, l);
+        add_pairs(job, at, l, &of);
+        if (l->first + l->count == job->part->near->list_count[at]) break;
+        planar_cells_gather(job->part, at, l->first + l->count, l);
+    }
+    sum_batch(&of.energy);
+    const double nearest = sqrt(of.nearest2);
     sums->nearest = fmin(sums->nearest, nearest);
     sums->close += nearest < MEASURES_CLOSE;
     sums->coincident += nearest < MEASURES_COINCIDENT;
-    const double energy = b.energy / energy_cotangent.ideal;
+    const double energy = of.energy.energy / energy_cotangent.ideal;
     if (in->odd && in->odd[i])
         job->odd_energy[i] = energy;
     else
         sums->energy += energy;
-    if (!(gap < RESOLUTION_GAP)) return;
+    if (!(of.gap < RESOLUTION_GAP)) return;
     sums->thin++;
-    job->lack[i] = (float)(RESOLUTION_GAP - gap);
+    job->lack[i] = (float)(RESOLUTION_GAP - of.gap);
 }
 
 static void pair_chunk(void *context, int worker, size_t begin, size_t end)
@@ -143,10 +185,12 @@ static void pair_chunk(void *context, int worker, size_t begin, size_t end)
     pair_sums sums = {.nearest = INFINITY};
     for (size_t k = begin; k < end; k++) {
         if (!partition_owns(job->part, k)) continue;
+        voronoi_listed listed;
+        planar_cells_gather(job->part, (uint32_t)k, 0, &listed);
         if (job->cells)
-            planar_cell_at(job->part, job->in->sites->piece, (uint32_t)k, &job->cells[index[k]],
+            planar_cell_at(job->part, job->in->sites->piece, (uint32_t)k, &listed, &job->cells[index[k]],
                            &job->area[index[k]]);
-        if (job->sums) measure_point(job, (uint32_t)k, &sums);
+        if (job->sums) measure_point(job, (uint32_t)k, &listed, &sums);
     }
     if (job->sums) job->sums[begin / CHUNK] = sums;
 }

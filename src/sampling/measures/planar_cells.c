@@ -4,7 +4,6 @@
 #include <math.h>
 
 #include "base/core/isa.h"
-#include "sampling/voronoi/voronoi.h"
 
 /* See planar_cells.h. The error of a polygon grows with the square of the angle between the normals: half of 1
  * minus the cosine is the bound of the edge. With the cosine 0.9 and the edge 0.225 of the solver, half as many
@@ -14,17 +13,29 @@ static const voronoi_planar_bounds BOUNDS[] = {
     {.cosine = 0.95, .edge = 0.025, .near_only = true},
     {.cosine = 0.99, .edge = 0.005, .near_only = true}};
 
-static bool find_star(const voronoi_sites *sites, uint32_t at, voronoi_star *out)
+void planar_cells_gather(const partition *part, uint32_t at, uint32_t first, voronoi_listed *out)
 {
-    bool found = false;
-    for (size_t k = 0; !found && k < sizeof BOUNDS / sizeof *BOUNDS; k++)
-        found = voronoi_star_planar(sites, at, &BOUNDS[k], out);
-    return found;
+    const voronoi_sites sites = {part->position, part->normal, part->spacing, part->near, NULL, part->index};
+    voronoi_gather_listed(&sites, at, first, out);
 }
 
-static voronoi_sites sites_of(const partition *part)
+/* The neighbours of a point, counterclockwise. */
+typedef struct polygon {
+    uint32_t count, point[VORONOI_PLANAR_MAX];
+    double distance[VORONOI_PLANAR_MAX];
+} polygon;
+
+static bool find_polygon(const partition *part, uint32_t at, const voronoi_listed *listed, polygon *out)
 {
-    return (voronoi_sites){part->position, part->normal, part->spacing, part->near, NULL, part->index};
+    const uint32_t *list = neighbours_list(part->near, at);
+    uint32_t place[VORONOI_PLANAR_MAX];
+    out->count =
+        voronoi_planar_neighbours(listed, part->spacing[at], BOUNDS, sizeof BOUNDS / sizeof *BOUNDS, place);
+    for (uint32_t k = 0; k < out->count; k++) {
+        out->point[k] = list[place[k]];
+        out->distance[k] = sqrt(listed->square[place[k]]);
+    }
+    return out->count > 0;
 }
 
 /* The middle of the curve between two places with unit normals m and n: a cubic with its ends in the tangent
@@ -123,8 +134,7 @@ ISA_CLONES static void compute_shares(const neighbours_around *restrict in, vec3
 }
 
 /* Lists the neighbours of point `at`. */
-static void list_neighbours(const partition *part, uint32_t at, const voronoi_star *star,
-                            neighbours_around *out)
+static void list_neighbours(const partition *part, uint32_t at, const polygon *star, neighbours_around *out)
 {
     const uint32_t padded = (star->count + LANES - 1) / LANES * LANES + 1;
     for (uint32_t k = 0; k < padded && k < ROOM; k++) {
@@ -139,17 +149,17 @@ static void list_neighbours(const partition *part, uint32_t at, const voronoi_st
 static bool is_plain(const partition *part, const uint32_t *piece, uint32_t at, uint32_t other)
 {
     return (!part->flags || !part->flags[other]) &&
-           (!piece || piece[part->index[other]] == piece[part->index[at]]) &&
-           vec3_dot(part->normal[other], part->normal[at]) >= VORONOI_OPPOSITE_COSINE;
+           (!piece || piece[part->index[other]] == piece[part->index[at]]);
 }
 
 /* Whether all points within twice the distance `farthest` are plain, and on no opposite wall. */
-static bool has_plain_neighbours(const partition *part, const uint32_t *piece, uint32_t at, double farthest)
+static bool has_plain_neighbours(const partition *part, const uint32_t *piece, uint32_t at,
+                                 const voronoi_listed *listed, double farthest)
 {
-    const uint32_t *list = neighbours_list(part->near, at), count = part->near->list_count[at];
-    for (uint32_t k = 0; k < count; k++)
-        if (!is_plain(part, piece, at, list[k]) &&
-            vec3_norm2(vec3_sub(part->position[list[k]], part->position[at])) < 4 * farthest * farthest)
+    const uint32_t *list = neighbours_list(part->near, at);
+    for (uint32_t k = 0; k < listed->count; k++)
+        if ((!is_plain(part, piece, at, list[k]) || listed->facing[k] < VORONOI_OPPOSITE_COSINE) &&
+            listed->square[k] < 4 * farthest * farthest)
             return false;
     return true;
 }
@@ -164,12 +174,12 @@ static void add_side(const partition *part, uint32_t at, uint32_t other, double 
     out->growth2 += (float)(growth * growth);
 }
 
-void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out, double *area)
+void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, const voronoi_listed *listed,
+                    planar_cell *out, double *area)
 {
-    const voronoi_sites sites = sites_of(part);
-    voronoi_star star;
+    polygon star;
     *out = (planar_cell){.certain = false};
-    if ((part->flags && part->flags[at]) || !find_star(&sites, at, &star)) return;
+    if ((part->flags && part->flags[at]) || !find_polygon(part, at, listed, &star)) return;
     neighbours_around around;
     shares of;
     double sum = 0, bend = 0, farthest = 0, straight = 0;
@@ -183,7 +193,7 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
         straight += 0.25 * (star.distance[k] * of.first[k] + star.distance[next] * of.second[k]);
     }
     if (!(farthest <= PLANAR_CELLS_FARTHEST * part->spacing[at]) ||
-        !has_plain_neighbours(part, piece, at, farthest))
+        !has_plain_neighbours(part, piece, at, listed, farthest))
         return;
     for (uint32_t k = 0; k < star.count; k++) add_side(part, at, star.point[k], star.distance[k], out);
     straight /= part->spacing[at] * part->spacing[at];
@@ -197,10 +207,11 @@ void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, p
 
 double planar_cell_mean(const partition *part, uint32_t at, const double *value)
 {
-    const voronoi_sites sites = sites_of(part);
-    voronoi_star star;
+    voronoi_listed listed;
+    polygon star;
     double sum = value[part->index[at]];
-    if (!find_star(&sites, at, &star)) return sum;
+    planar_cells_gather(part, at, 0, &listed);
+    if (!find_polygon(part, at, &listed, &star)) return sum;
     for (uint32_t k = 0; k < star.count; k++) sum += value[part->index[star.point[k]]];
     return sum / (1 + star.count);
 }

@@ -21,6 +21,7 @@
 #include <stdint.h>
 
 #include "sampling/voronoi/partitions.h"
+#include "sampling/voronoi/voronoi.h"
 
 /* Maximum distance of a corner of a certain cell from its point, in spacings. In an ideal packing it is 0.58,
  * at a vacancy 1. */
@@ -49,10 +50,14 @@ typedef struct planar_cell {
     bool measured : 1; /* computed from the triangles of the surface */
 } planar_cell;
 
+/* voronoi_gather_listed for the partition's point `at`. */
+void planar_cells_gather(const partition *part, uint32_t at, uint32_t first, voronoi_listed *out);
+
 /* Computes the cell of the partition's own point `at`, and if it is certain its area. `piece`: of each point of the
- * set, or NULL if all are of one piece. The partition's flags are 0 for plain points; NULL: all points are plain. */
-void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, planar_cell *out,
-                    double *area);
+ * set, or NULL if all are of one piece. `listed`: of the point, from its first entry on. The partition's flags are 0
+ * for plain points; NULL: all points are plain. */
+void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, const voronoi_listed *listed,
+                    planar_cell *out, double *area);
 
 /* The mean of `value` (of each point of the set) over the partition's own point `at`, whose cell is certain, and
  * its neighbours. */

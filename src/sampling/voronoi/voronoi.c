@@ -343,7 +343,9 @@ static bool is_opposite(const site *a, const site *b)
  * whatever the other normals of the list are: it is below VORONOI_OPPOSITE_COSINE by more than half of the
  * strict angle. */
 
-const voronoi_planar_bounds voronoi_planar_strict = {.cosine = 0.9, .edge = 0.225};
+/* The bounds of voronoi_star_planar. With these no planar star of the tests' sets differs from the star by
+ * triangles. */
+static const voronoi_planar_bounds STRICT = {.cosine = 0.9, .edge = 0.225};
 
 /* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
 static const double FIRST_RING = 1.45;
@@ -359,41 +361,122 @@ typedef struct ring {
     double widest; /* largest spacing of the listed points */
 } ring;
 
-/* Gathers the points within a squared distance. False: the surface bends too much, or there are too many.
- * Which points are within is unpredictable: there are no branches on it. */
-static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2,
-                        const voronoi_planar_bounds *bounds, ring *out)
+typedef struct listed_normals {
+    double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX];
+} listed_normals;
+
+/* `out` has the points' positions in space, which are replaced. */
+ISA_CLONES static void compute_listed(vec3 x, vec3 normal, const listed_normals *restrict of,
+                                      voronoi_listed *restrict out)
 {
-    const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
-    vec3 x = in->position[a], n = in->normal[a], u, v;
-    double least = in->spacing[a], beyond = INFINITY, widest = least;
-    int count = 0, bent = 0;
-    vec3_frame(n, &u, &v);
-    for (uint32_t k = 0; k < listed; k++) {
-        uint32_t c = list[k];
-        double facing = vec3_dot(n, normal_towards(in, c, n));
-        if (facing <= PAIR_FACING_NONE) continue;
-        vec3 r = vec3_sub(in->position[c], x);
-        double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        least = spacing < least ? spacing : least;
-        widest = spacing > widest ? spacing : widest;
-        int within = square < reach2, tested = within | !bounds->near_only;
-        bent |= tested & ((facing < bounds->cosine) | (2 * height * height > (1 - bounds->cosine) * square) |
-                          (square == 0));
-        double outside = within ? INFINITY : square;
-        beyond = outside < beyond ? outside : beyond;
-        out->place[count] = k;
-        out->x[count] = vec3_dot(u, r);
-        out->y[count] = vec3_dot(v, r);
-        out->z[count] = height;
-        out->square[count] = square;
-        count += within;
-        if (count > RING_MAX || bent) return false;
-    }
-    double unlisted = VORONOI_REACH * 0.5 * (in->spacing[a] + least);
+    vec3 u, v;
+    vec3_frame(normal, &u, &v);
+    for (size_t first = 0; first < out->count; first += LANES)
+        for (size_t l = 0; l < LANES; l++) {
+            const size_t k = first + l;
+            const vec3 r = vec3_sub((vec3){out->x[k], out->y[k], out->z[k]}, x);
+            out->facing[k] = vec3_dot(normal, (vec3){of->x[k], of->y[k], of->z[k]});
+            out->square[k] = vec3_norm2(r);
+            out->x[k] = vec3_dot(u, r);
+            out->y[k] = vec3_dot(v, r);
+            out->z[k] = vec3_dot(normal, r);
+        }
+}
+
+void voronoi_gather_listed(const voronoi_sites *in, uint32_t a, uint32_t first, voronoi_listed *out)
+{
+    const uint32_t *list = neighbours_list(in->near, a) + first, left = in->near->list_count[a] - first,
+                   count = left < VORONOI_STAR_MAX ? left : VORONOI_STAR_MAX;
+    listed_normals of;
+    out->first = first;
     out->count = count;
-    out->beyond = fmin(beyond, unlisted * unlisted);
-    out->widest = widest;
+    out->complete = count == in->near->list_count[a];
+    if (count == 0) return;
+    for (uint32_t k = 0; k < (count + LANES - 1) / LANES * LANES; k++) {
+        const uint32_t i = list[k < count ? k : 0];
+        const vec3 x = in->position[i], n = in->normal[i];
+        out->x[k] = x.x;
+        out->y[k] = x.y;
+        out->z[k] = x.z;
+        of.x[k] = n.x;
+        of.y[k] = n.y;
+        of.z[k] = n.z;
+        out->spacing[k] = in->spacing[i];
+    }
+    compute_listed(in->position[a], in->normal[a], &of, out);
+    for (uint32_t k = 0; in->flags && k < count; k++)
+        if (in->flags[list[k]] & PACKING_ONE_SIDED) out->facing[k] = fabs(out->facing[k]);
+}
+
+/* Whether the surface bends too much for the bounds. The last entry may be followed by copies of the first. */
+ISA_CLONES static bool is_bent(const voronoi_listed *in, double reach2, const voronoi_planar_bounds *bounds)
+{
+    const double cosine = bounds->cosine, slope2 = 1 - cosine, near2 = bounds->near_only ? reach2 : INFINITY;
+    int64_t bent[LANES] = {0}, any = 0;
+    for (size_t first = 0; first < in->count; first += LANES)
+        for (uint32_t l = 0; l < LANES; l++) {
+            const double facing = in->facing[first + l], height = in->z[first + l],
+                         square = in->square[first + l];
+            bent[l] |= (facing > PAIR_FACING_NONE) & (square < near2) &
+                       ((facing < cosine) | (2 * height * height > slope2 * square) | (square == 0));
+        }
+    for (uint32_t l = 0; l < LANES; l++) any |= bent[l];
+    return any != 0;
+}
+
+/* Sets within[k] for the points within a squared distance, and `beyond` and `widest` of the ring. */
+ISA_CLONES static void survey_ring(const voronoi_listed *in, double reach2, double own, int64_t *within,
+                                   ring *out)
+{
+    double least[LANES], widest[LANES], beyond[LANES];
+    for (uint32_t l = 0; l < LANES; l++) {
+        least[l] = widest[l] = own;
+        beyond[l] = INFINITY;
+    }
+    for (size_t first = 0; first < in->count; first += LANES)
+#pragma GCC unroll 1
+        for (uint32_t l = 0; l < LANES; l++) {
+            const double square = in->square[first + l], spacing = in->spacing[first + l],
+                         facing = in->facing[first + l];
+            const int64_t seen = facing > PAIR_FACING_NONE, near = square < reach2;
+            const double used = facing > PAIR_FACING_NONE ? spacing : own;
+            const double outside = facing > PAIR_FACING_NONE ? square : INFINITY,
+                         farther = square < reach2 ? INFINITY : outside;
+            least[l] = used < least[l] ? used : least[l];
+            widest[l] = used > widest[l] ? used : widest[l];
+            beyond[l] = farther < beyond[l] ? farther : beyond[l];
+            within[first + l] = seen & near;
+        }
+    for (uint32_t l = 1; l < LANES; l++) {
+        least[0] = compare_smaller(least[0], least[l]);
+        widest[0] = compare_larger(widest[0], widest[l]);
+        beyond[0] = compare_smaller(beyond[0], beyond[l]);
+    }
+    const double unlisted = VORONOI_REACH * 0.5 * (own + least[0]);
+    out->beyond = compare_smaller(beyond[0], unlisted * unlisted);
+    out->widest = widest[0];
+}
+
+/* Gathers the points within a squared distance. False: there are too many. Which points are within is
+ * unpredictable: there are no branches on it. */
+static bool gather_ring(const voronoi_listed *in, double reach2, double own, ring *out)
+{
+    int64_t within[VORONOI_STAR_MAX];
+    int count = 0;
+    survey_ring(in, reach2, own, within, out);
+    for (uint32_t k = 0; k < in->count; k++) {
+        out->place[count] = k;
+        count += (int)within[k];
+        if (count > RING_MAX) return false;
+    }
+    out->count = count;
+    for (int t = 0; t < count; t++) {
+        const uint32_t k = out->place[t];
+        out->x[t] = in->x[k];
+        out->y[t] = in->y[k];
+        out->z[t] = in->z[k];
+        out->square[t] = in->square[k];
+    }
     return true;
 }
 
@@ -401,9 +484,11 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2,
 static void order_ring(const ring *r, int order[RING_MAX])
 {
     double angle[RING_MAX];
-    int rank[RING_MAX] = {0}, nearest = 0;
-    for (int k = 0; k < r->count; k++) /* grows with the angle, from -2 to 2 */
+    int rank[RING_MAX], nearest = 0;
+    for (int k = 0; k < r->count; k++) { /* grows with the angle, from -2 to 2 */
+        rank[k] = 0;
         angle[k] = copysign(1 - r->x[k] / (fabs(r->x[k]) + fabs(r->y[k])), r->y[k]);
+    }
     for (int k = 1; k < r->count; k++) {
         nearest = r->square[k] < r->square[nearest] ? k : nearest;
         for (int l = 0; l < k; l++) {
@@ -497,23 +582,45 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
     }
 }
 
-bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, const voronoi_planar_bounds *bounds,
-                         voronoi_star *out)
+/* Finds the ring and the neighbours in it, to `hull`. Returns their number; 0: undecided. */
+static int find_polygon(const voronoi_listed *listed, double own, const voronoi_planar_bounds *bounds,
+                        size_t count, ring *g, int hull[RING_MAX + 1])
+{
+    int order[RING_MAX];
+    const double reach[2] = {FIRST_RING * own, INFINITY};
+    if (!listed->complete) return 0;
+    for (int k = 0; k < 2; k++) {
+        const double reach2 = reach[k] * reach[k];
+        /* a polygon that one of the bounds permits is permitted by all later ones that the bend permits */
+        while (count > 0 && is_bent(listed, reach2, &bounds[count - 1])) count--;
+        if (count == 0 || !gather_ring(listed, reach2, own, g)) return 0;
+        if (g->count < 3) continue;
+        order_ring(g, order);
+        const double clear = bounds[count - 1].edge * g->widest;
+        const int sides = scan_hull(g, order, clear, hull);
+        if (sides > 0 && is_closed(g, sides, hull, clear)) return sides;
+    }
+    return 0;
+}
+
+bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, const voronoi_listed *listed, voronoi_star *out)
 {
     ring g;
-    int order[RING_MAX], hull[RING_MAX + 1];
-    const double reach[2] = {FIRST_RING * in->spacing[a], INFINITY};
-    for (int k = 0; k < 2; k++) {
-        if (!gather_ring(in, a, reach[k] * reach[k], bounds, &g)) return false;
-        if (g.count < 3) continue;
-        order_ring(&g, order);
-        double clear = bounds->edge * g.widest;
-        int count = scan_hull(&g, order, clear, hull);
-        if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
-        measure_star(&g, neighbours_list(in->near, a), count, hull, out);
-        return true;
-    }
-    return false;
+    int hull[RING_MAX + 1];
+    const int sides = find_polygon(listed, in->spacing[a], &STRICT, 1, &g, hull);
+    if (sides > 0) measure_star(&g, neighbours_list(in->near, a), sides, hull, out);
+    return sides > 0;
+}
+
+uint32_t voronoi_planar_neighbours(const voronoi_listed *listed, double spacing,
+                                   const voronoi_planar_bounds *bounds, size_t count,
+                                   uint32_t place[VORONOI_PLANAR_MAX])
+{
+    ring g;
+    int hull[RING_MAX + 1];
+    const int sides = find_polygon(listed, spacing, bounds, count, &g, hull);
+    for (int k = 0; k < sides; k++) place[k] = g.place[hull[k]];
+    return (uint32_t)sides;
 }
 
 /* Adds the contribution of the triangle a, b, c to the edge between a and b of the star of a. Returns the
@@ -609,7 +716,9 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
 
 void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
-    if (!voronoi_star_planar(in, a, &voronoi_planar_strict, out)) voronoi_star_triangles(in, a, out);
+    voronoi_listed listed;
+    voronoi_gather_listed(in, a, 0, &listed);
+    if (!voronoi_star_planar(in, a, &listed, out)) voronoi_star_triangles(in, a, out);
 }
 
 double voronoi_star_area(const voronoi_star *star)

@@ -14,6 +14,7 @@
 #define HEXAD_SAMPLING_VORONOI_VORONOI_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "geometry/space/vec3.h"
@@ -68,7 +69,20 @@ void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
  * neighbours, or they coincide or are collinear with it. */
 double voronoi_star_area(const voronoi_star *star);
 
-/* When voronoi_star_planar is used. */
+/* Points of the neighbour list of a point, as separate arrays for SIMD. */
+typedef struct voronoi_listed {
+    uint32_t first, count; /* the entries of the list: from `first` on */
+    bool complete;         /* these are the whole list */
+    /* per entry: its offset from the point in the point's tangent frame (z: along the normal), its squared
+     * distance, the cosine between the normals, and its spacing */
+    double x[VORONOI_STAR_MAX], y[VORONOI_STAR_MAX], z[VORONOI_STAR_MAX], square[VORONOI_STAR_MAX],
+        facing[VORONOI_STAR_MAX], spacing[VORONOI_STAR_MAX];
+} voronoi_listed;
+
+/* Computes the values of at most VORONOI_STAR_MAX entries of the list of point `a`, from entry `first` on. */
+void voronoi_gather_listed(const voronoi_sites *sites, uint32_t a, uint32_t first, voronoi_listed *out);
+
+/* When a planar polygon is used. */
 typedef struct voronoi_planar_bounds {
     double cosine; /* minimum cosine between the normal of the point and those of the points around it */
     double edge;   /* in spacings: minimum length of an edge, and by which other points miss the polygon */
@@ -76,17 +90,21 @@ typedef struct voronoi_planar_bounds {
         near_only; /* the cosine holds for the points that can bound the cell, otherwise for the whole list */
 } voronoi_planar_bounds;
 
-/* The bounds of voronoi_star_at. With them no planar star of the tests' sets differs from that by triangles. */
-extern const voronoi_planar_bounds voronoi_planar_strict;
-
 /* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar
  * clips the tangent plane of `a` by bisectors, and takes a twentieth of the time of voronoi_star_triangles.
- * Neighbours are in counterclockwise order, at most VORONOI_PLANAR_MAX. It returns false, with *out undefined,
- * if the surface bends too much, if the neighbours do not enclose the point, or if another polygon would be
- * nearly as good. */
+ * `listed`: the whole list of `a`. Neighbours are in counterclockwise order, at most VORONOI_PLANAR_MAX. It
+ * returns false, with *out undefined, if the surface bends too much, if the neighbours do not enclose the
+ * point, if another polygon would be nearly as good, or if the list is longer than VORONOI_STAR_MAX. */
 #define VORONOI_PLANAR_MAX 32
 void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
-bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, const voronoi_planar_bounds *bounds,
+bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, const voronoi_listed *listed,
                          voronoi_star *out);
+
+/* The neighbours of voronoi_star_planar for a point with the given spacing, as entries of its list. Returns
+ * their number; 0 in the cases in which voronoi_star_planar returns false. `bounds`: `count` alternatives, with
+ * ascending cosines and descending edges. */
+uint32_t voronoi_planar_neighbours(const voronoi_listed *listed, double spacing,
+                                   const voronoi_planar_bounds *bounds, size_t count,
+                                   uint32_t place[VORONOI_PLANAR_MAX]);
 
 #endif
