@@ -93,10 +93,9 @@ static int lock_file(const command_options *options, error *e)
                 "again.",
                 directory);
         else
-            error_set(
-                e, ERROR_SPEC_INVALID,
-                "%s: %s. Run the same command with sudo, or give the token file of another daemon with --file.",
-                directory, strerror(errno));
+            error_set(e, ERROR_SPEC_INVALID, "%s: %s. %s the token file of the daemon with --file.",
+                      directory, strerror(errno),
+                      geteuid() == 0 ? "Give" : "Run the same command with sudo, or give");
         if (fd >= 0) close(fd);
         fd = -1;
     }
@@ -137,7 +136,7 @@ int command_token_add(client *c, const char *argument, const command_options *op
     int lock = lock_file(options, &e);
     if (lock < 0) return fail_at_file(options, &e);
     const token *t = NULL;
-    const bool read = token_set_read(options->file, &set, &e);
+    const bool read = token_set_read_of_any_owner(options->file, &set, &e);
     if (read) t = token_set_add(&set, argument, scopes, most, text, &e);
     bool ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
@@ -168,7 +167,7 @@ int command_token_list(client *c, const char *argument, const command_options *o
     (void)argument;
     error e = {0};
     token_set set = {0};
-    if (!token_set_read(options->file, &set, &e)) return fail_at_file(options, &e);
+    if (!token_set_read_of_any_owner(options->file, &set, &e)) return fail_at_file(options, &e);
     json *list = json_new_array();
     if (!options->json) printf(TOKEN_ROW, "ID", "USER", "SCOPES", "CREATED", "MAX_PRIORITY");
     for (size_t i = 0; i < set.count; i++) {
@@ -205,7 +204,7 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     token_set set = {0};
     int lock = lock_file(options, &e), code = COMMAND_FAILED;
     if (lock < 0) return fail_at_file(options, &e);
-    if (!token_set_read(options->file, &set, &e)) {
+    if (!token_set_read_of_any_owner(options->file, &set, &e)) {
         code = fail_at_file(options, &e);
     } else if (!token_set_remove(&set, argument)) {
         terminal_text_print(

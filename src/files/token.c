@@ -124,7 +124,14 @@ static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
     return !ferror(file) || fail_to_read(path, e);
 }
 
-bool token_set_read(const char *path, token_set *set, error *e)
+/* Whether only its owner, who is not root, has access to the file. */
+static bool is_private_of_user(int fd)
+{
+    struct stat info;
+    return fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_uid != 0 && !(info.st_mode & 0077);
+}
+
+static bool read_set(const char *path, bool any_owner, token_set *set, error *e)
 {
     token_set read = {0};
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -138,13 +145,24 @@ bool token_set_read(const char *path, token_set *set, error *e)
         if (fd >= 0) close(fd);
         return false;
     }
-    bool ok = store_file_check_private(fd, path, e) && read_lines(file, path, &read, e);
+    bool ok = ((any_owner && is_private_of_user(fd)) || store_file_check_private(fd, path, e)) &&
+              read_lines(file, path, &read, e);
     fclose(file);
     if (ok)
         *set = read;
     else
         token_set_clear(&read);
     return ok;
+}
+
+bool token_set_read(const char *path, token_set *set, error *e)
+{
+    return read_set(path, false, set, e);
+}
+
+bool token_set_read_of_any_owner(const char *path, token_set *set, error *e)
+{
+    return read_set(path, geteuid() == 0, set, e);
 }
 
 void token_set_clear(token_set *set)
@@ -216,8 +234,14 @@ static gid_t find_group(const char *path, gid_t given)
     return group;
 }
 
+/* Sets the owner and the mode of the new file. Root keeps those of an existing file of another user. */
 static bool set_permissions(int fd, const char *path, gid_t given, error *e)
 {
+    struct stat info;
+    if (geteuid() == 0 && lstat(path, &info) == 0 && S_ISREG(info.st_mode) && info.st_uid != 0)
+        return (fchown(fd, info.st_uid, info.st_gid) == 0 && fchmod(fd, info.st_mode & 0700) == 0) ||
+               error_set(e, ERROR_INTERNAL, "%s cannot be given the owner %u: %s", path,
+                         (unsigned)info.st_uid, strerror(errno));
     gid_t group = geteuid() == 0 ? find_group(path, given) : 0;
     mode_t mode = group ? 0640 : 0600;
     return (fchmod(fd, 0600) == 0 && (!group || fchown(fd, 0, group) == 0) && fchmod(fd, mode) == 0) ||

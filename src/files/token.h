@@ -50,6 +50,10 @@ typedef struct token_set {
  * access the file, or this process has no permission to read it. Error internal: another failure to read it.
  * The caller releases the set with token_set_clear. */
 bool token_set_read(const char *path, token_set *set, error *e);
+
+/* As token_set_read, for commands of an administrator: root may also read the file of another user, to which
+ * only this user has access. */
+bool token_set_read_of_any_owner(const char *path, token_set *set, error *e);
 void token_set_clear(token_set *set); /* accepts an empty one */
 
 /* Finds the token with this secret, in constant time. NULL: there is none. */
@@ -70,7 +74,8 @@ bool token_set_remove(token_set *set, const char *id);
 
 #define TOKEN_NO_GROUP ((gid_t)-1)
 
-/* Replaces the file. It belongs to the caller and has mode 0600. If the caller is root, the mode is 0640, so
+/* Replaces the file. It belongs to the caller and has mode 0600. If the caller is root and the old file belongs
+ * to another user, its owner, group and mode are kept. Otherwise the mode of a file of root is 0640, so
  * that the service can read the file. Its group is then the first of these that is not root: the group of the
  * old file, `group`, the group of the directory. */
 bool token_set_write(const char *path, const token_set *set, gid_t group, error *e);

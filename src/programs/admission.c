@@ -185,7 +185,7 @@ static void warn_of_tokens(const change *w)
     token_set set = {0};
     size_t count = 0;
     const char *path = w->tokens ? w->tokens : TOKEN_SYSTEM_FILE;
-    if (!w->group && token_set_read(path, &set, NULL))
+    if (!w->group && token_set_read_of_any_owner(path, &set, NULL))
         for (size_t k = 0; k < set.count; k++) count += strcmp(set.item[k].user, w->name) == 0;
     fflush(stdout);
     if (count > 0)

@@ -116,3 +116,33 @@ def test_hexadctl_tells_a_user_who_may_not_use_the_token_file_to_run_the_command
             assert say(*words) == denied, (oct(mode), words)
     done = subprocess.run([build / "hexadctl", "token", "list", "--file", tokens], capture_output=True, text=True)
     assert f"Run: chmod 640 {tokens}" in done.stderr, "with 600 a service of another user could not read it"
+
+
+def test_root_administers_the_token_file_of_another_user_who_keeps_it(start_as_user, build):
+    """A daemon without systemd runs as a user, who made the file."""
+    tokens = start_as_user.place / "state/tokens"
+
+    def control(*words):
+        return subprocess.run([build / "hexadctl", "token", *words, "--file", tokens], stdin=subprocess.DEVNULL, capture_output=True,
+                              text=True, timeout=PATIENCE_S)
+
+    def access():
+        info = tokens.stat()
+        return info.st_uid, info.st_gid, info.st_mode & 0o777
+
+    tokens.touch(mode=0o600)
+    os.chown(tokens, 60003, 60004)
+    assert control("list").returncode == 0
+    for words in (("add", "alice"), ("add", "bob"), ("revoke", "0")):
+        done = control(*words)
+        assert done.returncode == (4 if words[1] == "0" else 0), done.stderr
+        assert access() == (60003, 60004, 0o600)
+    shown = control("list").stdout
+    token = next(line.split()[0] for line in shown.splitlines() if " alice " in line)
+    assert control("revoke", token).returncode == 0 and access() == (60003, 60004, 0o600)
+    assert "belongs to another user" not in start_as_user("--token_file", tokens)
+    tokens.chmod(0o644)
+    done = control("list")
+    assert done.returncode == 2 and f"Run as root: chmod 600 {tokens}\n" in done.stderr, done.stderr
+    done = control("add", "carol", "--file", start_as_user.place / "nowhere/tokens")
+    assert done.returncode == 2 and "sudo" not in done.stderr, done.stderr

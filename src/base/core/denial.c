@@ -70,6 +70,9 @@ static char *command_for(const char *place, const char *path, const struct stat 
     const char *group = own->group, *user = own->user;
     if (need == DENIAL_READ) return mem_printf("chmod o+r%s %s", S_ISDIR(info->st_mode) ? "x" : "", place);
     if (need == DENIAL_WRITE) return mem_printf("chgrp %s %s && chmod g+rwx %s", group, place, place);
+    /* the group of root is not the group of a service that reads the file */
+    if (need == DENIAL_SECRET && geteuid() == 0)
+        return mem_printf("%s %s", info->st_mode & 0077 ? "chmod 600" : "chown root", place);
     if (need == DENIAL_SECRET) return mem_printf("chown root:%s %s && chmod 640 %s", group, place, place);
     return path ? mem_printf("install -d -o %s -g %s -m 0700 %s", user, group, path)
                 : mem_printf("chown -R %s:%s %s", user, group, place);
@@ -109,7 +112,9 @@ char *denial_describe(const char *path, denial_need need)
     const names owner = names_of(info.st_uid, info.st_gid), own = names_of(geteuid(), getegid());
     char *demand = mem_printf(closed   ? "the user %s must be able to enter it"
                               : absent ? demands[DENIAL_WRITE]
-                                       : demands[need],
+                              : need == DENIAL_SECRET && geteuid() == 0
+                                  ? "users other than its owner must not be able to read it"
+                                  : demands[need],
                               own.user);
     char *advice = advice_on(place, absent ? path : NULL, &info, closed, &own, need);
     char *text = mem_printf("%s has the owner %s, the group %s and the mode %04o, and %s%s", place,
