@@ -81,6 +81,8 @@ def items_of(lines):
                 text.append(line.strip())
             continue
         split = column and len(line) > column and line[column - 2:column] == "  "
+        if column and not split and line.startswith("  --") and len(re.findall(" [a-z]+", line)) > 1:
+            sys.exit(f"man.py: write two spaces, or a new line, between the option and its text: {line.strip()}")
         term, text = (line[:column], line[column:]) if split else (line, "")
         items.append((term.strip(), [text.strip()]))
     return [(term, " ".join(filter(None, text))) for term, text in items]

@@ -61,6 +61,25 @@ def test_terms_are_apart_from_their_texts(source, needs_mandoc):
     assert "--state STATES" in lines and any(line.startswith("blocked, queued, ") for line in lines)
 
 
+def test_options_have_no_text_in_their_terms(source):
+    for page in PAGES:
+        for term in re.findall(r"^\.TP\n\.B (\\-\\-.*)$", (source / "doc/man" / page).read_text(), re.M):
+            assert len(re.findall(r" [a-z]+", term)) <= 1, (page, term)
+
+
+def test_a_text_one_space_after_its_option_is_refused(source, tmp_path):
+    for gap, good in ("  ", True), (" ", False), ("\n          ", True):
+        for program in ("hexad", "hexad-worker", "hexadctl"):
+            (tmp_path / program).write_text("#!/bin/sh\ncat <<'END'\nusage: x\n\nA text.\n\n  --file  reads a file\n"
+                                            f"  --line  prints a line\n  --port{gap}opens several ports\n\n"
+                                            "Settings, as options and as keys of the file\n\n  --key\n      a setting\nEND\n")
+            (tmp_path / program).chmod(0o755)
+        done = subprocess.run([sys.executable, source / "tools/man.py", tmp_path, tmp_path / "pages", "/var", "/etc"], text=True,
+                              capture_output=True)
+        assert (done.returncode == 0) == good, (gap, done.stderr)
+        assert good or "two spaces" in done.stderr
+
+
 @pytest.mark.parametrize("page", ["hexad-worker.1", "hexadctl.1"])
 def test_no_option_is_missing(build, source, needs_mandoc, page):
     text = rendered(source / "doc/man" / page)
