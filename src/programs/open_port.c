@@ -54,15 +54,34 @@ static bool restart_socket(error *e)
     char *failed = mem_strdup("");
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) systemd_units_obey(words[i], &failed);
     bool ok = !*failed || error_set(e, ERROR_INTERNAL,
-                                    "%s failed. Where systemd does not run, start hexad with --listen "
-                                    "unix:," ADDRESS " and the token file instead.",
-                                    failed);
+                                    "%s failed: \"journalctl -u hexad.socket -u hexad\" says why", failed);
     free(failed);
     return ok;
 }
 
+/* Whether systemd has the service. Otherwise prints what to do without it. */
+static bool has_unit(const config *settings)
+{
+    char *start = systemd_units_show("show --value --property ExecStart hexad.service");
+    const bool has = start[strspn(start, " \n")] != '\0';
+    free(start);
+    fflush(stdout);
+    if (!has && *settings->token_file)
+        terminal_text_print(stderr,
+                            "hexad: systemd does not run hexad: set listen = unix:," ADDRESS
+                            ", run \"hexadctl token add %s --file %s\", and start hexad again\n",
+                            settings->admit, settings->token_file);
+    else if (!has)
+        terminal_text_print(stderr,
+                            "hexad: systemd does not run hexad: set listen = unix:," ADDRESS
+                            ", run \"hexadctl token add %s --file %s/tokens\", and start hexad again\n",
+                            settings->admit, settings->state_dir);
+    return has;
+}
+
 int open_port(const config *settings)
 {
+    if (!has_unit(settings)) return EXIT_WRONG;
     error e = {0};
     const struct group *group = getgrnam(SYSTEM_GROUP);
     const command_options options = {

@@ -319,6 +319,20 @@ def test_open_port_refuses_what_is_no_user_and_names_failures(host):
     assert host.calls() == OPEN_PORT
 
 
+@pytest.mark.parametrize("systemd", ["has no unit", "does not answer"])
+def test_open_port_without_the_unit_names_what_to_do_instead(host, systemd):
+    if systemd == "has no unit":
+        (host.root / "bin/ExecStart").write_text("\n")
+    else:
+        (host.root / "bin/systemctl").write_text("#!/bin/sh\necho System has not been booted with systemd >&2\nexit 1\n")
+    for words, file in ((), "state/tokens"), (("--token_file", host.root / "own"), "own"):
+        done = host.hexad("--state_dir", host.root / "state", *words, "--open-port", "alice")
+        assert done.returncode == 2 and not done.stdout
+        assert done.stderr == ("hexad: systemd does not run hexad: set listen = unix:,127.0.0.1:8642, run \"hexadctl token add alice --file "
+                               f"{host.root}/{file}\", and start hexad again\n")
+    assert not host.units.exists() and not (host.root / "own").exists() and host.calls() == []
+
+
 @pytest.fixture
 def other(host):
     """A service that systemd does not run."""
