@@ -44,6 +44,14 @@ def start_as_user(build):
         yield start
 
 
+def run_as_user(start, *words):
+    """A start that fails without the fault of END."""
+    done = subprocess.run([sys.executable, "-c", AS_USER, start.place / "hexad", "--state_dir", start.place / "state", *words],
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode in (1, 2), done.stderr
+    return done.stderr
+
+
 ROOTS = "has the owner root, the group root and the mode"
 
 
@@ -74,6 +82,35 @@ def test_files_that_the_service_cannot_read_are_named_with_the_command_that_perm
     key = start_as_user.place / "state/session.key"
     os.chown(key, 0, 0)
     assert f"{key} {ROOTS} 0600, and it must belong to the user 60003. Run as root: chown -R 60003:60003 {key}" in start_as_user()
+
+
+def test_a_database_and_a_socket_that_are_denied_are_named_with_the_command_that_permits_them(start_as_user):
+    """As after a restored copy of root, and for a socket in a directory of root."""
+    database = start_as_user.place / "state/queue.db"
+    database.touch(mode=0o600)
+    place = start_as_user.place / "closed"
+    place.mkdir(mode=0o755)
+    told = run_as_user(start_as_user, "--listen", f"unix:{start_as_user.place}/state/socket")
+    assert f"it cannot be opened: Permission denied: {database} {ROOTS} 0600, and it must belong to the user 60003. Run as root: " \
+        f"chown -R 60003:60003 {database}" in told, told
+    os.chown(database, 60003, 60003)
+    told = run_as_user(start_as_user, "--listen", f"unix:{place}/socket")
+    assert f"listen unix:{place}/socket: Permission denied: the user 60003 cannot create a socket in {place}: " in told, told
+    assert "install -d -o 60003 DIRECTORY" in told
+
+
+def test_a_directory_of_results_that_is_denied_is_in_the_log_with_the_command_that_permits_it(start_as_user):
+    results = start_as_user.place / "state/results"
+    results.mkdir(mode=0o755)
+    program = [sys.executable, "-c", AS_USER, start_as_user.place / "hexad", "--state_dir", start_as_user.place / "state"]
+    with subprocess.Popen(program, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            line = next(line for line in process.stderr if "cannot write to" in line)
+        finally:
+            process.terminate()
+            process.communicate(timeout=PATIENCE_S)
+    assert f"results: Permission denied: {results} {ROOTS} 0755, and it must belong to the user 60003. Run as root: " \
+        f"chown -R 60003:60003 {results}" in line
 
 
 def test_roots_that_the_service_cannot_use_are_named_with_the_command_that_permits_it(start_as_user):

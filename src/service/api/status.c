@@ -32,7 +32,9 @@ static void look_at_jobs(const http_context *c, finding *f)
     f->state = "draining";
     f->code = "unavailable";
     snprintf(f->detail, sizeof f->detail,
-             "the service is draining or stopping and accepts no jobs: run hexadctl undrain to end a drain");
+             executor_is_draining(c->x)
+                 ? "the service is stopping and accepts no jobs"
+                 : "an administrator drained the service, which accepts no jobs: run hexadctl undrain");
 }
 
 /* A held queue does not prevent the service from accepting jobs. */
@@ -74,9 +76,7 @@ static void look_at_storage(const http_context *c, finding *f)
     f->state = full ? "full" : "unwritable";
     f->code = "unavailable";
     if (!full)
-        snprintf(f->detail, sizeof f->detail,
-                 "%.600s: repair this directory or its disk; jobs are accepted and wait meanwhile",
-                 e.message);
+        snprintf(f->detail, sizeof f->detail, "%.900s. Jobs are accepted and wait meanwhile", e.message);
     else
         snprintf(
             f->detail, sizeof f->detail,

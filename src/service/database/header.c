@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/core/denial.h"
 #include "base/core/memory.h"
 #include "service/database/health.h"
 #include "service/database/schema.h"
@@ -70,8 +71,14 @@ bool header_check(const char *path, error *e)
     struct stat info;
     uint8_t header[HEADER_BYTES];
     int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        return errno == ENOENT || error_set(e, ERROR_INTERNAL, "it cannot be opened: %s", strerror(errno));
+    if (fd < 0 && errno == ENOENT) return true;
+    if (fd < 0) {
+        const int fault = errno;
+        char *why = denial_explain(path, fault, DENIAL_OWN, "");
+        error_set(e, ERROR_INTERNAL, "it cannot be opened: %s%s", strerror(fault), why);
+        free(why);
+        return false;
+    }
     ssize_t got = fstat(fd, &info) == 0 ? pread(fd, header, sizeof header, 0) : -1;
     bool ok;
     if (got < 0)

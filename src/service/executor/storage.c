@@ -5,12 +5,15 @@
 #include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "base/core/clock.h"
+#include "base/core/denial.h"
 #include "base/core/log.h"
+#include "base/core/memory.h"
 #include "service/results/inventory.h"
 
 /* Shortest interval between two probes, in ms: thousands of attempts may start in a second, and work_dir may
@@ -77,6 +80,15 @@ static bool holds_attempts(const storage *s, int part)
            (s->floor_bytes > 0 || error_code_of_errno(why) != ERROR_STORAGE_FULL);
 }
 
+/* The end of a message about a part that cannot be written, with the remedy. The caller frees it. */
+static char *explain(const storage *s, int part, int fault)
+{
+    char *directory = mem_printf("%s/%s", s->work_dir, names[part]),
+         *text = denial_explain(directory, fault, DENIAL_OWN, ": repair this directory or its disk");
+    free(directory);
+    return text;
+}
+
 static void probe_part(storage *s, int part, bool flush)
 {
     char path[4096];
@@ -85,9 +97,12 @@ static void probe_part(storage *s, int part, bool flush)
                 (int)sizeof path;
     int why = fits ? probe(path, flush || before) : ENAMETOOLONG;
     atomic_store(&s->fault[part], why);
-    if (why && why != before)
-        log_write(LOG_LEVEL_ERROR, "cannot write to %s/%s: %s%s", s->work_dir, names[part], strerror(why),
-                  holds_attempts(s, part) ? ": no job starts until this is repaired" : "");
+    if (why && why != before) {
+        char *reason = explain(s, part, why);
+        log_write(LOG_LEVEL_ERROR, "cannot write to %s/%s: %s%s%s", s->work_dir, names[part], strerror(why),
+                  reason, holds_attempts(s, part) ? ". No job starts until this is repaired" : "");
+        free(reason);
+    }
     if (!why && before)
         log_write(LOG_LEVEL_INFO, "files can be written again to %s/%s", s->work_dir, names[part]);
 }
@@ -118,9 +133,12 @@ bool storage_can_write(const storage *s, error *e)
 {
     for (int part = 0; part < STORAGE_PARTS; part++) {
         int why = atomic_load(&s->fault[part]);
-        if (why)
-            return error_set(e, error_code_of_errno(why), "cannot write to %.500s/%s: %s", s->work_dir,
-                             names[part], strerror(why));
+        if (!why) continue;
+        char *reason = explain(s, part, why);
+        error_set(e, error_code_of_errno(why), "cannot write to %.500s/%s: %s%s", s->work_dir, names[part],
+                  strerror(why), reason);
+        free(reason);
+        return false;
     }
     return true;
 }

@@ -14,6 +14,7 @@
 
 #include "base/core/log.h"
 #include "base/core/memory.h"
+#include "base/core/user_name.h"
 
 #define BACKLOG 1024
 
@@ -70,6 +71,19 @@ static char *describe(int fd)
     return mem_printf("%s:%d", text, ntohs(a.v4.sin_port));
 }
 
+/* A refused Unix socket: the directory must let this process create it. */
+static bool fail_to_create(const char *path, const char *where, error *e)
+{
+    const char *end = strrchr(path, '/');
+    const int fault = errno;
+    char user[USER_NAME_SIZE];
+    user_name_of(geteuid(), user);
+    return error_set(e, ERROR_INTERNAL,
+                     "listen %s: %s: the user %s cannot create a socket in %.*s: set listen to a path in a "
+                     "directory of this user, which root makes by: install -d -o %s DIRECTORY",
+                     where, strerror(fault), user, end > path ? (int)(end - path) : 1, path, user);
+}
+
 static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size, const char *where,
                             error *e)
 {
@@ -78,6 +92,8 @@ static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t si
                    ? error_set(e, ERROR_INTERNAL,
                                "listen %s: another process uses this port: stop it, or choose another port",
                                where)
+               : errno == EACCES && address->sa_family == AF_UNIX
+                   ? fail_to_create(where + strlen("unix:"), where, e)
                    : fail(e, where, "bind");
     return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
 }
