@@ -322,8 +322,9 @@ def test_a_drain_and_its_end(new_service, tmp_path):
     first, second = service.submit(sphere()), service.submit(sphere())
     service.wait_worker(first)
     assert service.post("/v1/admin/drain").json == {"status": "draining", "running": 1}
-    expect_problem(service.post("/v1/jobs", sphere()), 503, "unavailable")
-    expect_problem(service.get("/readyz"), 503, "unavailable")
+    for refused in service.post("/v1/jobs", sphere()), service.get("/readyz"):
+        expect_problem(refused, 503, "unavailable")
+        assert "an administrator drained" in refused.json["detail"] and "run hexadctl undrain" in refused.json["detail"]
     assert service.get("/healthz").json == {"status": "draining"}
     service.open_gate(first)
     service.open_gate(second)

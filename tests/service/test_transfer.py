@@ -204,13 +204,16 @@ def test_inputs_that_are_refused(new_service):
     expect_problem(put(service, b"x", name="0" * 64), 422, "digest_mismatch")
     for bad in ("0" * 63, "A" * 64, "..", "x" * 64):
         expect_problem(put(service, b"x", name=bad), 400, "request_invalid")
-    expect_problem(put(service, b"x" * 1001), 413, "body_too_large")
+    refused = put(service, b"x" * 1001)
+    expect_problem(refused, 413, "body_too_large")
+    assert "1001 bytes" in refused.json["detail"] and "1000 (setting upload_limit_bytes)" in refused.json["detail"]
     chunks = (b"x" * 100 for _ in range(11))  # its length is not announced
     name = hashlib.sha256(b"x" * 1100).hexdigest()
     connection = service.connection()
     connection.request("PUT", f"/v1/inputs/{name}", chunks, encode_chunked=True,
                        headers={"Transfer-Encoding": "chunked"})
-    assert connection.getresponse().status == 413
+    refused = connection.getresponse()
+    assert refused.status == 413 and b"more bytes than the limit of 1000 (setting upload_limit_bytes)" in refused.read()
     connection.close()
     assert put(service, b"a" * 1000).status == 201
     refused = put(service, b"b" * 1000)

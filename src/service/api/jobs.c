@@ -706,8 +706,10 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
 {
     if (!executor_takes_jobs(c->x)) {
         reply_set_unavailable(
-            r, "the service accepts no jobs, because it is stopping or draining: try again later, "
-               "or run hexadctl undrain");
+            r, executor_is_draining(c->x)
+                   ? "the service accepts no jobs, because it is stopping: try again later"
+                   : "the service accepts no jobs, because an administrator drained it: try again later, or "
+                     "run hexadctl undrain");
         return;
     }
     order o = {0};

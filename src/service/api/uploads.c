@@ -17,18 +17,29 @@ typedef struct upload {
     error why;
 } upload;
 
-static void refuse(const http_context *c, const char *user, store_upload_outcome outcome, const error *why,
-                   reply *r)
+/* Refuses a file over the limit. `bytes`: its length; -1: the client did not send it. */
+static void refuse_size(int64_t bytes, int64_t limit_bytes, reply *r)
 {
+    char length[40] = "more";
+    if (bytes >= 0) snprintf(length, sizeof length, "%lld", (long long)bytes);
+    reply_set_problem(r, "body_too_large", NULL,
+                      "the file has %s bytes%s %lld (setting upload_limit_bytes): reduce it, or put it "
+                      "below an input root",
+                      length, bytes >= 0 ? ", and the limit is" : " than the limit of",
+                      (long long)limit_bytes);
+}
+
+static void refuse(const http_context *c, const http_request *request, store_upload_outcome outcome,
+                   const error *why, reply *r)
+{
+    const char *user = request->caller->user;
     store_inputs_space uploads;
     executor_space disk;
     switch (outcome) {
     case STORE_UPLOAD_GOOD:
         break;
     case STORE_UPLOAD_TOO_LARGE:
-        reply_set_problem(r, "body_too_large", NULL,
-                          "the file exceeds the size of an upload (setting upload_limit_bytes): "
-                          "reduce it, or put it below an input root");
+        refuse_size(request->announced, store_inputs_get_space(c->inputs).file_limit_bytes, r);
         break;
     case STORE_UPLOAD_ALL_FULL:
         uploads = store_inputs_get_space(c->inputs);
@@ -169,7 +180,7 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
         store_upload_outcome outcome =
             store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file);
         if (outcome != STORE_UPLOAD_GOOD) {
-            refuse(c, request->caller->user, outcome, NULL, r);
+            refuse(c, request, outcome, NULL, r);
             return NULL;
         }
     }
@@ -194,7 +205,7 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
         u->outcome = STORE_UPLOAD_FAILED;
     end(u); /* before the answer, after which the client may begin the next upload */
     if (u->outcome != STORE_UPLOAD_GOOD) {
-        refuse(c, request->caller->user, u->outcome, &u->why, r);
+        refuse(c, request, u->outcome, &u->why, r);
         return;
     }
     show(c, request->caller, hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);

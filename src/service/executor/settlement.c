@@ -462,10 +462,11 @@ static bool settle_task(const settlement_place *place, const queue_claimed *c, c
         meter_note_end(place->meter, requeue ? QUEUE_QUEUED : end.state, end.outcome, code, s->ran_ms);
     if (ok)
         log_write(accepted && code != ERROR_INTERNAL ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
-                  "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s", c->job.id,
+                  "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s%s%s", c->job.id,
                   c->task.number, c->task.attempt, s->reason,
                   requeue ? "queued" : queue_state_name(end.state), end.error_code ? " code=" : "",
-                  end.error_code ? end.error_code : "");
+                  end.error_code ? end.error_code : "", end.error_message ? ": " : "",
+                  end.error_message ? end.error_message : "");
     return ok;
 }
 

@@ -267,7 +267,7 @@ const char *store_inputs_directory(const store_inputs *s)
 store_inputs_space store_inputs_get_space(store_inputs *s)
 {
     pthread_mutex_lock(&s->mutex);
-    store_inputs_space space = {s->used_bytes, s->total_bytes};
+    store_inputs_space space = {s->used_bytes, s->total_bytes, s->most_bytes};
     pthread_mutex_unlock(&s->mutex);
     return space;
 }

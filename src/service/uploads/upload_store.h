@@ -32,6 +32,7 @@ const char *store_inputs_directory(const store_inputs *s);
 
 typedef struct store_inputs_space {
     int64_t used_bytes, limit_bytes; /* of all files */
+    int64_t file_limit_bytes;        /* of one file */
 } store_inputs_space;
 
 store_inputs_space store_inputs_get_space(store_inputs *s);
