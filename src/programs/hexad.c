@@ -1174,8 +1174,10 @@ static int check_settings(service *s)
     free_output_roots(s);
     fflush(stderr);
     if (!opens_inputs(&c->input_roots)) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
-    terminal_text_print(stdout, "no faults in the settings%s%s\n", c->file ? " of " : "",
-                        c->file ? c->file : "");
+    if (c->file)
+        terminal_text_print(stdout, "no faults in the settings of %s\n", c->file);
+    else
+        terminal_text_print(stdout, "no settings file was read; no faults in the options and the defaults\n");
     return EXIT_SUCCESS;
 }
 

@@ -89,7 +89,7 @@ def test_a_worker_that_always_dies_ends_the_job(service):
     assert "SIGSEGV" in done["error"]["message"] and "2 of 2" in done["error"]["message"]
     ends = wait_until(lambda: [line for line in service.log.read_text().splitlines()
                                if f"attempt ended job={job}" in line and "state=failed" in line], "the end in the log")
-    assert " warning " in ends[0], ends
+    assert " warning " in ends[0] and done["error"]["message"] in ends[0], ends
 
 
 @pytest.mark.sanitized
@@ -409,6 +409,8 @@ def test_a_check_of_settings_says_that_hexad_would_not_start(build, tmp_path):
         assert done.returncode == status and "no faults" not in done.stdout
         assert done.stdout.startswith(f"hexad would not start: input_roots: cannot open the input root {tmp_path}/none: No such file or directory")
     assert run_hexad(build, *where).returncode == 1
+    told = run_hexad(build, "--state_dir", tmp_path / "state", "--check-settings").stdout
+    assert told == "no settings file was read; no faults in the options and the defaults\n"
     (tmp_path / "none").mkdir()
     assert run_hexad(build, *where, "--check-settings", "--strict").stdout == f"no faults in the settings of {file}\n"
     assert run_hexad(build, *where, "--strict").returncode == 2
