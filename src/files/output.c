@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "files/output.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -264,6 +265,28 @@ bool store_output_try(const store_outputs *outputs, int directory, const char *p
     /* another check may have removed it */
     return !named || unlinkat(directory, TRIED_NAME, 0) == 0 || errno == ENOENT ||
            fail_below(outputs, e, "cannot be written", path);
+}
+
+static bool has_directories(int directory)
+{
+    struct stat info;
+    int fd = openat(directory, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *list = fd < 0 ? NULL : fdopendir(fd);
+    bool found = false;
+    if (!list && fd >= 0) close(fd);
+    for (struct dirent *entry; list && !found && (entry = readdir(list));)
+        found = strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
+                fstatat(directory, entry->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISDIR(info.st_mode);
+    if (list) closedir(list);
+    return found;
+}
+
+bool store_output_try_root(bool of_user, int directory, const char *root, error *e)
+{
+    error why = {0};
+    if (store_output_try(NULL, directory, root, &why) || (of_user && has_directories(directory))) return true;
+    if (e) *e = why;
+    return false;
 }
 
 static bool copy_bytes(int from, int to)

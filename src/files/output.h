@@ -57,6 +57,10 @@ char *store_output_name(int directory);
  * the message. */
 bool store_output_try(const store_outputs *outputs, int directory, const char *path, error *e);
 
+/* As store_output_try, for an output root. A root with a directory for each user need not be writable if it
+ * has directories: the administrator makes them. */
+bool store_output_try_root(bool of_user, int directory, const char *root, error *e);
+
 /* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages.
  * `temporary` is a plain name that no other file in the directory has. A process that is killed leaves at
  * most a file of this name. Copies into one directory must not overlap. Errors are those of

@@ -1124,7 +1124,7 @@ static void warn_of_roots(const service *s)
     for (size_t i = 0; i < s->output_roots.root_count; i++) {
         const char *root = s->output_root[i];
         int fd = store_output_open_root(root, &e);
-        if (fd < 0 || (!s->output_root_of_user[i] && !store_output_try(NULL, fd, root, &e)))
+        if (fd < 0 || !store_output_try_root(s->output_root_of_user[i], fd, root, &e))
             warn("output_roots", e.message);
         if (fd >= 0) close(fd);
     }

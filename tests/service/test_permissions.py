@@ -44,11 +44,11 @@ def start_as_user(build):
         yield start
 
 
-def run_as_user(start, *words):
-    """A start that fails without the fault of END."""
+def run_as_user(start, *words, statuses=(1, 2)):
+    """The messages without the fault of END."""
     done = subprocess.run([sys.executable, "-c", AS_USER, start.place / "hexad", "--state_dir", start.place / "state", *words],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode in (1, 2), done.stderr
+    assert done.returncode in statuses, done.stderr
     return done.stderr
 
 
@@ -129,6 +129,11 @@ def test_roots_that_the_service_cannot_use_are_named_with_the_command_that_permi
     told = start_as_user("--output_roots", out)
     assert "warning cannot copy results below this output root" in told
     assert f"{out} {ROOTS} 0755, and the user 60003 must be able to write to it. Run as root: chgrp 60003 {out} && chmod g+rwx {out}" in told
+    denied = f"{out} {ROOTS} 0755, and the user 60003 must be able to write to it"
+    assert denied in start_as_user("--output_roots", f"{out}/%u") \
+        and denied in run_as_user(start_as_user, "--output_roots", f"{out}/%u", "--check-settings", statuses=(0,))
+    (out / "alice").mkdir()  # prepared by the administrator
+    assert denied not in start_as_user("--output_roots", f"{out}/%u")
     subprocess.run(f"chgrp 60003 {out} && chmod g+rwx {out} && chmod o+rx {closed}", shell=True, check=True)
     assert "warning" not in start_as_user("--output_roots", out, "--input_roots", closed)
 

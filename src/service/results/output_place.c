@@ -245,8 +245,8 @@ static void *run(void *argument)
     if (directory >= 0) {
         if (l->path)
             store_output_try(&l->outputs, directory, l->path, &e);
-        else if (!l->of_user)
-            store_output_try(NULL, directory, l->root, &e);
+        else
+            store_output_try_root(l->of_user, directory, l->root, &e);
         close(directory);
     }
     pthread_mutex_lock(&l->mutex);
