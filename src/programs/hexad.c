@@ -156,17 +156,26 @@ static void visit_open_directories(const config *c, void (*tell)(const char *set
     }
 }
 
+static bool fail_at_state(const char *directory, error *e)
+{
+    char *why = denial_describe(directory, DENIAL_OWN);
+    error_set(e, ERROR_INTERNAL, "state_dir: cannot write to %s: Permission denied: %s", directory, why);
+    free(why);
+    return false;
+}
+
+/* Whether an existing state directory does not deny access. */
+static bool may_use_state(const char *directory, error *e)
+{
+    return access(directory, R_OK | W_OK | X_OK) == 0 || errno != EACCES || fail_at_state(directory, e);
+}
+
 static bool init_state(service *s, error *e)
 {
     const char *wanted = s->settings.state_dir;
     const bool made = store_directory_create(wanted, e);
-    if ((made ? access(wanted, R_OK | W_OK | X_OK) != 0 : e->code == ERROR_INTERNAL) && errno == EACCES) {
-        char *why = denial_describe(wanted, DENIAL_OWN);
-        error_set(e, ERROR_INTERNAL, "state_dir: cannot write to %s: Permission denied: %s", wanted, why);
-        free(why);
-        return false;
-    }
-    if (!made) return false;
+    if (!made && e->code == ERROR_INTERNAL && errno == EACCES) return fail_at_state(wanted, e);
+    if (!made || !may_use_state(wanted, e)) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
         return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
@@ -1173,7 +1182,9 @@ static int check_settings(service *s)
     warn_of_roots(s);
     free_output_roots(s);
     fflush(stderr);
-    if (!opens_inputs(&c->input_roots)) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
+    bool starts = may_use_state(c->state_dir, &e);
+    if (!starts) terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
+    if (!opens_inputs(&c->input_roots) || !starts) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
     if (c->file)
         terminal_text_print(stdout, "no faults in the settings of %s\n", c->file);
     else

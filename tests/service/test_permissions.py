@@ -44,12 +44,12 @@ def start_as_user(build):
         yield start
 
 
-def run_as_user(start, *words, statuses=(1, 2)):
+def run_as_user(start, *words, state="state", statuses=(1, 2)):
     """The messages without the fault of END."""
-    done = subprocess.run([sys.executable, "-c", AS_USER, start.place / "hexad", "--state_dir", start.place / "state", *words],
-                          stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode in statuses, done.stderr
-    return done.stderr
+    done = subprocess.run([sys.executable, "-c", AS_USER, start.place / "hexad", "--state_dir", start.place / state, *words],
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=PATIENCE_S)
+    assert done.returncode in statuses, done.stdout
+    return done.stdout
 
 
 ROOTS = "has the owner root, the group root and the mode"
@@ -64,6 +64,10 @@ def test_a_state_directory_of_another_user_is_named_with_the_command_that_correc
         f"{place}/new" in start_as_user(state=place / "new")
     assert f"{other} {ROOTS} 0700, and the user 60003 must be able to enter it. Run as root: chmod o+x {other}" in \
         start_as_user(state=other / "state")
+    for words, status in ((), 0), (("--strict",), 1):
+        told = run_as_user(start_as_user, "--check-settings", *words, state="other", statuses=(status,))
+        assert f"hexad would not start: state_dir: cannot write to {other}: Permission denied: {other} {ROOTS} 0700" in told
+    run_as_user(start_as_user, "--check-settings", "--strict", statuses=(0,))
     (place / "state/lock").touch(mode=0o600)
     assert f"{place}/state/lock {ROOTS} 0600, and it must belong to the user 60003" in start_as_user()
 
