@@ -277,7 +277,7 @@ class Story:
 
     def after_upgrade(self, shown):
         self.expect_kept()
-        assert "draining" in shown and self.host.readiness()["jobs"] == "ok"
+        assert "drained the service" in shown and self.host.readiness()["jobs"] == "ok"
 
     def after_another_host(self, shown):
         self.expect_kept()
