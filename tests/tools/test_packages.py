@@ -12,7 +12,7 @@ import pytest
 
 PAGE = "usr/share/hexad/page"  # not built without the modules of npm
 
-LIKE_RULES = ["prefix=/usr", "libdir=/usr/lib", "sysconfdir=/etc", "datarootdir=/usr/share",
+LIKE_RULES = ["prefix=/usr", "libdir=/usr/lib", "librarydir=/usr/lib/x86_64-linux-gnu", "sysconfdir=/etc", "datarootdir=/usr/share",
               "systemdsystemunitdir=/lib/systemd/system"]
 
 
@@ -37,7 +37,7 @@ def installed(build, tmp_path_factory):
 
 
 def test_each_installed_file_is_in_one_package(source, build, installed):
-    lists = {p.name: words(p) for p in (source / "debian").glob("hexad*.install") if p.name != "hexad-doc.install"}
+    lists = {p.name: words(p) for p in (source / "debian").glob("*hexad*.install") if p.name != "hexad-doc.install"}
     lists["not-installed"] = words(source / "debian/not-installed")
     holders = {name: [where for where, patterns in lists.items() if is_named(name, patterns)] for name in installed}
     assert not {name: where for name, where in holders.items() if len(where) != 1}
