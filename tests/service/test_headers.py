@@ -274,6 +274,7 @@ def test_meta_image_fields_that_are_ignored_have_a_warning(told, plain, tmp_path
     ({"ElementType": "MET_LONG"}, "input_unsupported", "MET_LONG"),
     ({"ElementToIntensityFunctionSlope": "nan"}, "input_damaged", "not finite"),
     ({"NDims": "2"}, "input_unsupported", "three dimensions"),
+    ({"NDims": "2", "DimSize": "13 14", "ElementSpacing": "1 1"}, "input_unsupported", "three dimensions"),
     ({"ElementSpacing": "1 0 1"}, "input_damaged", "one plane")])
 def test_meta_image_fields_that_are_refused(told, tmp_path, fields, code, word):
     write_meta_image(tmp_path / "v.mha", ball(), MATRIX, fields)

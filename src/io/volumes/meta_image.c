@@ -108,6 +108,8 @@ static bool take_numbers(parsing *p, const char *key, const char *value, double 
     const char *at = value;
     for (int k = 0; k < count; k++, at = end) {
         double number = strtod(at, &end);
+        if (end == at && p->fields.dimensions < 3 && k >= p->fields.dimensions)
+            return true; /* check() refuses two dimensions */
         if (end == at)
             return snprintf(p->fault, META_IMAGE_FAULT_SIZE,
                             "its field %.63s has too few numbers (%.60s): it is damaged. Correct the header.",
