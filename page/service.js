@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For administrators: what each user holds and uses, and what runs on each host.
+// For administrators: what each user holds and uses, what runs on each host, and the tokens.
 import {html, useEffect, useState} from "./preact.js";
 import {get} from "./api.js";
 import {Trouble, useTitle} from "./parts.js";
@@ -34,8 +34,8 @@ export function Service() {
   const [error, setError] = useState(null);
   useTitle("Service");
   useEffect(() => {
-    const read = () => document.hidden || Promise.all([get("v1/usage"), get("v1/workers")]).then(([usage, {workers}]) => {
-      setFound({usage, workers});
+    const read = () => document.hidden || Promise.all([get("v1/usage"), get("v1/workers"), get("v1/tokens")]).then(([usage, {workers}, {tokens}]) => {
+      setFound({usage, workers, tokens});
       setError(null);
     }, setError);
     read();
@@ -48,6 +48,8 @@ export function Service() {
     <td><a href=${`#/?owner=${encodeURIComponent(user)}`}>Jobs</a></td></tr>`;
   const hostRow = ({host, attempts, threads, memory_mb: memory}) => html`<tr><td>${host ?? html`<span class="dim">not known yet</span>`}</td>
     <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td></tr>`;
+  const tokenRow = ({id, user, scopes, created, max_priority: most}) => html`<tr><td>${user}</td><td>${scopes.join(", ")}</td>
+    <td class="number">${most ?? "any"}</td><td>${created.slice(0, 10)}</td><td><code>${id}</code></td></tr>`;
   return html`<h1>Service</h1><${Trouble} error=${error} />
     ${!found ? !error && html`<p class="loading" role="status">Loading …</p>` : html`
       ${found.usage.full && html`<p class="notice">The results of all jobs have reached a limit: submissions are refused. Download or delete results.</p>`}
@@ -58,5 +60,9 @@ export function Service() {
       <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>
       <h2>Hosts</h2>${found.workers.length === 0 ? html`<p class="dim">Nothing runs.</p>` : html`<div class="scroll" tabindex="0" role="region" aria-label="Hosts"><table class="hosts"><thead><tr>
         <th scope="col">Host</th><th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th></tr></thead>
-        <tbody>${hostsOf(found.workers).map(hostRow)}</tbody></table></div>`}`}`;
+        <tbody>${hostsOf(found.workers).map(hostRow)}</tbody></table></div>`}
+      <h2>Tokens</h2>${found.tokens.length === 0 ? html`<p class="dim">There are none.</p>` : html`<div class="scroll" tabindex="0" role="region" aria-label="Tokens"><table class="tokens"><thead><tr>
+        <th scope="col">User</th><th scope="col">Permissions</th><th scope="col" class="number">Highest priority</th><th scope="col">Created</th><th scope="col">ID</th></tr></thead>
+        <tbody>${found.tokens.map(tokenRow)}</tbody></table></div>
+      <p class="hint"><code>hexadctl token add USER</code> creates one, and <code>hexadctl token revoke ID</code> revokes one.</p>`}`}`;
 }

@@ -184,6 +184,19 @@ export type UsageSum = {
   results_limit: number | null;
 };
 
+export type Tokens = {
+  /** In the order of the token file. */
+  tokens: ({
+    /** The id that hexadctl token revoke takes. */
+    id: string;
+    user: string;
+    scopes: ("read" | "submit" | "cancel" | "admin")[];
+    created: string;
+    /** The highest priority that the user may give. null: any. */
+    max_priority: number | null;
+  })[];
+};
+
 export type Usage = {
   all: UsageSum;
   /**
@@ -3155,6 +3168,11 @@ export interface Operations {
   listWorkers: {
     parameters: {};
     answer: Workers;
+  };
+  /** List the tokens, without their values. Needs the scope `admin`. */
+  listTokens: {
+    parameters: {};
+    answer: Tokens;
   };
   /** Upload a file that jobs may read. Needs the scope `submit`. */
   putInput: {

@@ -24,6 +24,7 @@ export const operations = {
   getContactSheet: {method: "GET", path: "/v1/jobs/{id}/contact_sheet.png", headers: [], body: null, answer: "bytes"},
   getUsage: {method: "GET", path: "/v1/usage", headers: [], body: null, answer: "json"},
   listWorkers: {method: "GET", path: "/v1/workers", headers: [], body: null, answer: "json"},
+  listTokens: {method: "GET", path: "/v1/tokens", headers: [], body: null, answer: "json"},
   putInput: {method: "PUT", path: "/v1/inputs/{sha256}", headers: [], body: "application/octet-stream", answer: "json"},
   getInput: {method: "GET", path: "/v1/inputs/{sha256}", headers: [], body: null, answer: "json"},
   deleteInput: {method: "DELETE", path: "/v1/inputs/{sha256}", headers: [], body: null, answer: "nothing"},

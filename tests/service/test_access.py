@@ -271,6 +271,17 @@ def test_ports_that_are_refused(build, tmp_path):
     assert tried.returncode == 2 and "tokens:1" in tried.stderr
 
 
+def test_administrators_see_the_tokens_without_their_values(service):
+    alice, admin = new_token(service, "alice", "--max-priority", "5"), new_token(service, "carol", "--scopes", "admin")
+    assert with_token(service, alice, "GET", "/v1/tokens").status == 403
+    answer = with_token(service, admin, "GET", "/v1/tokens")
+    assert answer.status == 200 and not [t for t in (alice, admin) if t in answer.body.decode()]
+    shown = {t["user"]: t for t in answer.json["tokens"] if t["user"] in ("alice", "carol")}
+    assert shown["alice"]["scopes"] == ["read", "submit", "cancel"] and shown["alice"]["max_priority"] == 5
+    assert shown["carol"]["scopes"] == ["read", "submit", "cancel", "admin"] and shown["carol"]["max_priority"] is None
+    assert alice.removeprefix("hexad_")[:12] != shown["alice"]["id"] and len(shown["alice"]["id"]) == 12
+
+
 def test_an_open_port_is_nobodys_who_administers(service):
     """Without tokens all are one user, who owns what all submit."""
     job = service.submit(sphere())

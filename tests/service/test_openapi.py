@@ -196,7 +196,7 @@ def test_answers_of_a_job_that_succeeds(described):
     job = described.submit(sphere(name="ball", queue={"labels": ["x"]}))
     described.wait_state(job, "succeeded")
     for name in ("getJob", "listResults", "cancelJob", "getResult", "listJobs", "getHealth", "getReadiness", "getVersion",
-                 "getMetrics", "getOpenapi", "getSchema", "getUsage", "listWorkers", "getSession", "listFiles", "listTasks",
+                 "getMetrics", "getOpenapi", "getSchema", "getUsage", "listWorkers", "listTokens", "getSession", "listFiles", "listTasks",
                  "listAttempts", "getLog", "getSnapshot", "followJob", "followJobs", "pauseJob", "resumeJob", "retryJob", "deleteJob",
                  "getJob"):
         method, path, operation = by_name[name]

@@ -679,6 +679,17 @@ def test_an_administrator_sees_what_runs_on_each_host(closed_service, browser, t
     browser.wait_text("Nothing runs", "main")
 
 
+def test_an_administrator_sees_the_tokens(closed_service, browser):
+    secret = new_token(closed_service, "dora", "--scopes", "read,submit", "--max-priority", "5")
+    sign_in(browser, closed_service, secret=closed_service.token)
+    browser.press("Service", "header")
+    browser.wait_text("dora", ".tokens")
+    cells = browser.texts(".tokens tbody td")
+    row = cells.index("dora")
+    assert cells[row + 1:row + 3] == ["read, submit", "5"] and len(cells[row + 4]) == 12
+    assert secret not in browser.run("return document.body.innerHTML")
+
+
 def test_an_administrator_sees_what_users_hold(closed_service, browser):
     secret = new_token(closed_service, "erin")
     job = with_token(closed_service, secret, "POST", "/v1/jobs", sphere(name="held")).json["id"]

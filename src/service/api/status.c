@@ -225,6 +225,29 @@ void status_usage(const http_context *c, const http_request *request, reply *r)
     reply_set_json(r, 200, document);
 }
 
+static void append_token(void *context, const token *t)
+{
+    json *o = json_append_object(context), *scopes;
+    json_put_string(o, "id", t->id);
+    json_put_string(o, "user", t->user);
+    scopes = json_put_array(o, "scopes");
+    for (unsigned scope = SCOPE_READ; scope <= SCOPE_ADMIN; scope *= 2)
+        if (t->scopes & scope) json_append_string(scopes, scope_name(scope));
+    job_json_put_time(o, "created", t->created_ms);
+    if (t->max_priority == TOKEN_ANY_PRIORITY)
+        json_put_null(o, "max_priority");
+    else
+        json_put_integer(o, "max_priority", t->max_priority);
+}
+
+void status_tokens(const http_context *c, const http_request *request, reply *r)
+{
+    (void)request;
+    json *document = json_new_object();
+    access_list_tokens(c->access, append_token, json_put_array(document, "tokens"));
+    reply_set_json(r, 200, document);
+}
+
 static void drain(const http_context *c, const http_request *request, bool on, reply *r)
 {
     executor_close(c->x, on);

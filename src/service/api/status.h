@@ -5,7 +5,7 @@
 
 #include "service/api/context.h"
 
-http_handler status_health, status_ready, status_version, status_workers, status_usage;
+http_handler status_health, status_ready, status_version, status_workers, status_usage, status_tokens;
 
 /* Drained, the service accepts no jobs and starts no attempts; running attempts continue. It lasts until
  * status_resume or a restart. */

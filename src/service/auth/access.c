@@ -346,6 +346,13 @@ bool access_can_read_tokens(access_control *a)
     return readable;
 }
 
+void access_list_tokens(access_control *a, void (*show)(void *context, const token *t), void *context)
+{
+    const token_set *tokens = lock_tokens(a);
+    for (size_t i = 0; i < tokens->count; i++) show(context, &tokens->item[i]);
+    unlock_tokens(a);
+}
+
 uint64_t access_generation(access_control *a)
 {
     lock_tokens(a);

@@ -81,6 +81,9 @@ bool access_has_tokens(access_control *a);
 /* Whether the token file can be read and is valid; true without a file. Reads it again after a change. */
 bool access_can_read_tokens(access_control *a);
 
+/* Calls `show` for each token, in the order of the file, while no thread can change the tokens. */
+void access_list_tokens(access_control *a, void (*show)(void *context, const token *t), void *context);
+
 /* Properties of a connection before its first request. */
 typedef struct access_peer {
     bool local;                  /* on a Unix socket; `uid` is valid */
