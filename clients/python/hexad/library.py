@@ -175,7 +175,7 @@ class Job:
         finally:
             stopped = True
             thread.join()
-            self.library.hexad_job_set_progress(self.handle, PROGRESS(), None)
+            self.library.hexad_job_set_progress(self.handle, PROGRESS(0), None)
             self.kept.clear()
         self.check(results[0], error)
 
@@ -185,7 +185,8 @@ class Job:
 
     def arrays(self) -> dict[str, Any]:
         """The arrays of the result, which are not copied: they keep the job."""
-        numpy, found = load_numpy(), {}
+        numpy = load_numpy()
+        found: dict[str, Any] = {}
         while True:
             name = self.library.hexad_job_array_name(self.handle, len(found))
             if name is None:

@@ -227,11 +227,13 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
     def one(k: int) -> None:
         surface = listed[k]
         pair = surface if isinstance(surface, (tuple, list)) else (surface,)
-        with_count = {} if isinstance(pair[0], Mapping) else {"count": count}
+        members: dict[str, Any] = {"threads": 1, "progress": lambda *_: bool(stopped), **keywords}
+        if not isinstance(pair[0], Mapping):
+            members["count"] = count
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", OutcomeWarning)
-                points = sample(*pair, threads=1, progress=lambda *_: bool(stopped), **with_count, **keywords)
+                points = sample(*pair, **members)
             if points.count != count:
                 raise HexadError(f"surface {k} has {points.count} points instead of {count}")
             made.positions[k], made.normals[k] = points.positions, points.normals
