@@ -252,7 +252,7 @@ static bool enter_filter(error *e)
 #ifdef __SANITIZE_ADDRESS__
 /* Called by the runtime at exit: leak detection needs a process that traces this one, which the filter
  * refuses. Workers outside a sandbox detect leaks. */
-int __lsan_is_turned_off(void);
+__attribute__((visibility("default"))) int __lsan_is_turned_off(void);
 int __lsan_is_turned_off(void)
 {
     return prctl(PR_GET_SECCOMP) == 2;
