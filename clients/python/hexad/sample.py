@@ -81,7 +81,7 @@ def with_counts(faces: Any) -> tuple[Any, Any]:
 
 
 def add_array(job: Job, name: str, place: tuple[str, ...], given: Any) -> None:
-    """Adds what stands for a file at this place of the spec."""
+    """Gives the job the arrays that it reads in place of the file at this place of the spec."""
     parent = place[-1]
     if parent == "mesh":
         if not isinstance(given, (tuple, list)) or len(given) not in (2, 3):
