@@ -129,15 +129,17 @@ def surfaces_of(folder, call, work, points):
 
 
 def ears(corners, points):
-    """Triangles of a planar polygon; slow and simple."""
+    """Triangles of a planar polygon; slow and simple. A corner on the side of a triangle, but for rounding, counts as inside:
+    otherwise corners on one line can remain, which are no triangle."""
     corners, out = list(corners), []
     total = sum(numpy.cross(points[a] - points[corners[0]], points[b] - points[corners[0]]) for a, b in zip(corners, corners[1:]))
+    rounding = 1e-9 * (total @ total)
     while len(corners) > 3:
         for k in range(len(corners)):
             a, b, c = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
-            if numpy.cross(points[b] - points[a], points[c] - points[a]) @ total <= 1e-9 * (total @ total):
+            if numpy.cross(points[b] - points[a], points[c] - points[a]) @ total <= rounding:
                 continue
-            if not any(all(numpy.cross(points[q] - points[p], points[x] - points[p]) @ total >= 0 for p, q in ((a, b), (b, c), (c, a)))
+            if not any(all(numpy.cross(points[q] - points[p], points[x] - points[p]) @ total >= -rounding for p, q in ((a, b), (b, c), (c, a)))
                        for x in corners if x not in (a, b, c)):
                 break
         else:
