@@ -91,7 +91,7 @@ def rows_of(name, mesh, count, tools, runs, work, commit):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--worker", required=True, type=pathlib.Path)
+    parser.add_argument("--worker", required=True, type=lambda name: pathlib.Path(name).resolve())
     parser.add_argument("--output", required=True, type=pathlib.Path)
     parser.add_argument("--data", type=pathlib.Path)
     parser.add_argument("--meshes", nargs="+", default=MESHES)

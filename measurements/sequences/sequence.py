@@ -272,7 +272,7 @@ def write_results(path, found, alone=()):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--worker", required=True, type=pathlib.Path)
+    parser.add_argument("--worker", required=True, type=lambda name: pathlib.Path(name).resolve())
     parser.add_argument("--output", type=pathlib.Path)
     parser.add_argument("--case", nargs="*", default=list(CASES), choices=list(CASES))
     parser.add_argument("--short", action="store_true", help="three frames of each")

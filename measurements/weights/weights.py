@@ -272,7 +272,7 @@ def cell(value):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--worker", required=True, type=pathlib.Path)
+    parser.add_argument("--worker", required=True, type=lambda name: pathlib.Path(name).resolve())
     parser.add_argument("--only", default="")
     parser.add_argument("--published", type=pathlib.Path)
     parser.add_argument("--output", type=pathlib.Path)
