@@ -11,7 +11,8 @@
 static const voronoi_planar_bounds BOUNDS[] = {
     {.cosine = PLANAR_CELLS_COSINE, .edge = 0.1, .near_only = true},
     {.cosine = 0.95, .edge = 0.025, .near_only = true},
-    {.cosine = 0.99, .edge = 0.005, .near_only = true}};
+    {.cosine = 0.99, .edge = 0.005, .near_only = true},
+    {.cosine = 0.999, .edge = 0.0005, .near_only = true}};
 
 void planar_cells_gather(const partition *part, uint32_t at, uint32_t first, voronoi_listed *out)
 {

@@ -538,20 +538,20 @@ static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int
     return top > 2 && test_edge(g, hull[top - 1], hull[0], hull[1], clear) == KEPT ? top : 0;
 }
 
-/* Whether the points beyond the ring are too far to clip the corners of the polygon. All angles between
- * neighbours must be at most 90 degrees: a bisector that misses such a corner by d would need to move by d
- * to get an edge of length 2 d. */
+/* Whether the points beyond the ring are too far to clip the corners of the polygon. Where the angle between two
+ * neighbours is at most 90 degrees, a bisector that misses their corner by d would need to move by d to get an edge of
+ * length 2 d; at a larger angle, by d times the tangent of half of it. */
 static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], double clear)
 {
-    double corner = sqrt(g->beyond) - clear; /* twice the maximum distance of a corner */
-    if (!(corner > 0)) return false;
+    const double beyond = sqrt(g->beyond);
     for (int k = 0; k < count; k++) {
         int q = hull[k], r = hull[k + 1];
         double plane = g->x[q] * g->x[q] + g->y[q] * g->y[q], dot = g->x[q] * g->x[r] + g->y[q] * g->y[r];
         double cross = g->x[q] * g->y[r] - g->y[q] * g->x[r];
-        double rest = g->square[r] * plane - g->square[q] * dot;
-        if (dot < 0 || rest * rest + g->square[q] * g->square[q] * cross * cross >
-                           corner * corner * plane * cross * cross)
+        double rest = g->square[r] * plane - g->square[q] * dot, corner = beyond - clear;
+        if (dot < 0) corner = beyond - clear * (sqrt(dot * dot + cross * cross) - dot) / cross;
+        if (!(corner > 0) || rest * rest + g->square[q] * g->square[q] * cross * cross >
+                                 corner * corner * plane * cross * cross)
             return false;
     }
     return true;
