@@ -45,8 +45,8 @@ static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **
     const measures got = measure(scene_rectangle(n, 2 * m + 1));
     check_represented(&got, IDEAL, 1e-9);
     assert_close(got.hex_fraction, 1 - 2.0 * (2 * m - 1) / count, 1e-12);
-    assert_close(got.energy_excess, -(4 * 0.2 + 2 * (m - 1) * 0.25 + 2 * m / 6.0) / count, 1e-9);
-    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.energy_excess, -(4 * 0.2 + 2 * (m - 1) * 0.25 + 2 * m / 6.0) / count, 1e-6);
+    assert_close(got.min_spacing_ratio, 1, 1e-6);
     assert_close(got.area_cv, 0, 1e-6);
     assert_close(got.edge_cv, 0, 1e-6);
     assert_true(got.thin_count == 0);
@@ -71,7 +71,7 @@ static void check_slivers(bool across)
     scene_free(&s);
     check_represented(&got, IDEAL, 1e-9);
     assert_close(got.hex_fraction, expected.hex_fraction, 1e-12);
-    assert_close(got.energy_excess, expected.energy_excess, 1e-9);
+    assert_close(got.energy_excess, expected.energy_excess, 1e-6);
     assert_close(got.area_cv, 0, 1e-6);
     assert_close(got.edge_cv, 0, 1e-6);
 }
@@ -112,7 +112,7 @@ static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **sta
     assert_true(measures_take(&in, pool, local, NULL, &farthest, &got, &e));
     assert_close(got.hex_fraction, expected.hex_fraction, 1e-12);
     assert_close(got.area_cv, 0, 1e-6);
-    assert_close(got.energy_excess, expected.energy_excess, 1e-9);
+    assert_close(got.energy_excess, expected.energy_excess, 1e-6);
     assert_close(got.coverage, IDEAL, 1e-6);
     assert_true(got.unmeasured_share == 0);
     surface_free(scan);
@@ -128,8 +128,8 @@ static void a_triangle_of_a_lattice_is_perfect(void **state)
     const measures got = measure(scene_open_triangle(12));
     check_represented(&got, IDEAL, 1e-9);
     assert_true(got.hex_fraction == 1 && got.defect_share == 0);
-    assert_close(got.energy_excess, 0, 1e-9);
-    assert_close(got.disorder, 0, 1e-9);
+    assert_close(got.energy_excess, 0, 1e-6);
+    assert_close(got.disorder, 0, 1e-6);
     assert_close(got.area_cv, 0, 1e-6);
     assert_close(got.edge_cv, 0, 1e-6);
 }
@@ -150,7 +150,7 @@ static void a_plate_half_a_spacing_thick_has_no_close_points(void **state)
     const measures got = measure(scene_plate(30, 31, 0.5));
     check_represented(&got, sqrt(IDEAL * IDEAL + 0.25 * 0.25), 1e-9);
     assert_close(got.hex_fraction, plate_hex_fraction(30, 15), 1e-12);
-    assert_close(got.min_spacing_ratio, 0.5, 1e-9);
+    assert_close(got.min_spacing_ratio, 0.5, 1e-6);
     assert_true(got.thin_count ==
                 2 * (946 - 90)); /* points on the edges of the rims also have the normals of the rims */
 }
@@ -163,7 +163,7 @@ static void a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims(vo
     const measures got = measure(scene_plate(n, 2 * m + 1, 0.1));
     assert_close(got.hex_fraction, plate_hex_fraction(n, m), 1e-12);
     assert_close(got.close_share, (2.0 * (n + 1) + 2 * (m - 1)) / count, 1e-12);
-    assert_close(got.min_spacing_ratio, 0.1, 1e-9);
+    assert_close(got.min_spacing_ratio, 0.1, 1e-6);
     assert_true(got.missing_share == 0 && got.coincident == 0);
 }
 
@@ -178,7 +178,7 @@ static void a_cube_with_a_square_grid_has_four_neighbours_everywhere(void **stat
     const measures got = scene_measure(&s, &options);
     check_represented(&got, sqrt(0.5), 1e-9);
     assert_true(got.hex_fraction == 0);
-    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.min_spacing_ratio, 1, 1e-6);
     assert_close(got.area_cv, 0, 1e-6);
     for (size_t k = 0; k < s.points; k++) {
         const vec3 x = s.point[k];
@@ -196,7 +196,7 @@ static void an_open_tube_has_ideal_measures(void **state)
     const measures got = measure(scene_tube(24, 11));
     check_represented(&got, IDEAL, 2e-3);
     assert_true(got.hex_fraction == 1 && got.defect_share == 0);
-    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.min_spacing_ratio, 1, 1e-6);
     assert_close(got.edge_cv, 0, 1e-6);
     assert_close(got.energy_excess, 0, 5e-3);
     assert_close(got.area_cv, 0, 5e-3);
@@ -213,7 +213,7 @@ static void a_torus_has_six_neighbours_everywhere(void **state)
     const measures got = measure(scene_torus(n, rows));
     assert_true(got.hex_fraction == 1 && got.defect_share == 0);
     assert_close(got.euler, 0, 1e-12);
-    assert_close(got.min_spacing_ratio, shortest, 1e-9);
+    assert_close(got.min_spacing_ratio, shortest, 1e-6);
     check_represented(&got, 0.62, 0.06);
 }
 
@@ -240,7 +240,7 @@ static void lattices_on_regular_solids_are_perfect(void **state)
         check_represented(&got, IDEAL, 1e-9);
         assert_true(got.hex_fraction == 1 && got.defect_share == 0);
         assert_close(got.euler, 2, 1e-9);
-        assert_close(got.min_spacing_ratio, 1, 1e-9);
+        assert_close(got.min_spacing_ratio, 1, 1e-6);
         assert_close(got.area_cv, 0, 1e-6);
         assert_close(got.edge_cv, 0, 1e-6);
     }
@@ -256,7 +256,7 @@ static void check_half_planes(const double *angle, int k)
     check_represented(&got, IDEAL, 1e-9);
     assert_close(got.hex_fraction, 1 - (double)irregular / count, 1e-12);
     assert_close(got.area_cv, 0, 1e-6);
-    assert_close(got.min_spacing_ratio, 1, 1e-9);
+    assert_close(got.min_spacing_ratio, 1, 1e-6);
 }
 
 static void two_crossing_planes_have_an_edge_of_four_faces(void **state)
@@ -282,7 +282,7 @@ static void nested_shells_are_measured_apart(void **state)
     check_represented(&got, IDEAL, 0.02);
     assert_true(got.hex_fraction == 1);
     assert_close(got.euler, 4, 1e-9);
-    assert_close(got.min_spacing_ratio, 0.95, 1e-9);
+    assert_close(got.min_spacing_ratio, 0.95, 1e-6);
 }
 
 /* A cell of one wall does not include the opposite wall: it is a complete hexagon. */

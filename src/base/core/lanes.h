@@ -5,6 +5,7 @@
 #ifndef HEXAD_BASE_CORE_LANES_H
 #define HEXAD_BASE_CORE_LANES_H
 
+#include <math.h>
 #include <stdint.h>
 
 #include "base/core/isa.h"
@@ -49,6 +50,24 @@ ISA_INLINE lanes lanes_larger(lanes a, lanes b)
 #pragma GCC unroll 1
     for (int k = 0; k < LANES; k++) a[k] = a[k] > b[k] ? a[k] : b[k];
     return a;
+}
+
+ISA_INLINE lanes lanes_root(lanes a)
+{
+#pragma GCC unroll 1
+    for (int k = 0; k < LANES; k++) a[k] = sqrtf(a[k]);
+    return a;
+}
+
+ISA_INLINE lanes lanes_magnitude(lanes a)
+{
+    return (lanes)((lanes_mask)a & INT32_MAX);
+}
+
+/* The magnitude of a with the sign of b. */
+ISA_INLINE lanes lanes_signed(lanes a, lanes b)
+{
+    return (lanes)(((lanes_mask)a & INT32_MAX) | ((lanes_mask)b & INT32_MIN));
 }
 
 /* Transposes: lane i of r[j] becomes lane j of r[i]. */

@@ -147,8 +147,14 @@ static void add_pairs(const pair_job *job, uint32_t at, const voronoi_listed *l,
     }
 }
 
-/* `l`: the first entries of the point's list, which are replaced. */
-static void measure_point(const pair_job *job, uint32_t at, voronoi_listed *l, pair_sums *sums)
+static void add_nearest(double nearest, pair_sums *sums)
+{
+    sums->nearest = compare_smaller(sums->nearest, nearest);
+    sums->close += nearest < MEASURES_CLOSE;
+    sums->coincident += nearest < MEASURES_COINCIDENT;
+}
+
+static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
 {
     const pair_measures_input *in = job->in;
     const uint32_t i = job->part->index[at];
@@ -156,17 +162,15 @@ static void measure_point(const pair_job *job, uint32_t at, voronoi_listed *l, p
     of.energy.count = 0;
     of.energy.energy = 0;
     of.nearest2 = of.gap = INFINITY;
-    for (;;) {
-        replace_cosines(job, at, l);
-        add_pairs(job, at, l, &of);
-        if (l->first + l->count == job->part->near->list_count[at]) break;
-        planar_cells_gather(job->part, at, l->first + l->count, l);
+    for (uint32_t done = 0; done < job->part->near->list_count[at];) {
+        voronoi_listed l;
+        planar_cells_gather(job->part, at, done, &l);
+        replace_cosines(job, at, &l);
+        add_pairs(job, at, &l, &of);
+        done += l.count;
     }
     sum_batch(&of.energy);
-    const double nearest = sqrt(of.nearest2);
-    sums->nearest = fmin(sums->nearest, nearest);
-    sums->close += nearest < MEASURES_CLOSE;
-    sums->coincident += nearest < MEASURES_COINCIDENT;
+    add_nearest(sqrt(of.nearest2), sums);
     const double energy = of.energy.energy / energy_cotangent.ideal;
     if (in->odd && in->odd[i])
         job->odd_energy[i] = energy;
@@ -177,20 +181,41 @@ static void measure_point(const pair_job *job, uint32_t at, voronoi_listed *l, p
     job->lack[i] = (float)(RESOLUTION_GAP - of.gap);
 }
 
+/* Measures points; `at`: in the partition. */
+static void measure_points(const pair_job *job, const uint32_t *at, size_t count, pair_sums *sums)
+{
+    const pair_measures_input *in = job->in;
+    const planar_points points = {job->part, in->sites->piece, in->sized ? 0 : packing_support(in->h)};
+    planar_cell cell[PLANAR_CELLS_ONCE];
+    double area[PLANAR_CELLS_ONCE];
+    planar_pairs pairs[PLANAR_CELLS_ONCE];
+    planar_cells_at(&points, at, count, job->cells ? cell : NULL, area, pairs);
+    for (size_t k = 0; k < count; k++) {
+        const uint32_t i = job->part->index[at[k]];
+        if (job->cells) job->cells[i] = cell[k];
+        if (job->cells && cell[k].certain) job->area[i] = area[k];
+        if (!job->sums) continue;
+        if (pairs[k].alike && !in->sites->patch_labels && !(in->kept && in->kept[i])) {
+            add_nearest(pairs[k].nearest, sums);
+            sums->energy += pairs[k].energy / energy_cotangent.ideal;
+        } else
+            measure_point(job, at[k], sums);
+    }
+}
+
 static void pair_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const pair_job *job = context;
-    const uint32_t *index = job->part->index;
     (void)worker;
     pair_sums sums = {.nearest = INFINITY};
+    uint32_t at[PLANAR_CELLS_ONCE];
+    size_t count = 0;
     for (size_t k = begin; k < end; k++) {
-        if (!partition_owns(job->part, k)) continue;
-        voronoi_listed listed;
-        planar_cells_gather(job->part, (uint32_t)k, 0, &listed);
-        if (job->cells)
-            planar_cell_at(job->part, job->in->sites->piece, (uint32_t)k, &listed, &job->cells[index[k]],
-                           &job->area[index[k]]);
-        if (job->sums) measure_point(job, (uint32_t)k, &listed, &sums);
+        at[count] = (uint32_t)k;
+        count += partition_owns(job->part, k);
+        if (count < PLANAR_CELLS_ONCE && k + 1 < end) continue;
+        if (count > 0) measure_points(job, at, count, &sums);
+        count = 0;
     }
     if (job->sums) job->sums[begin / CHUNK] = sums;
 }

@@ -20,6 +20,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "sampling/measures/sites.h"
 #include "sampling/voronoi/partitions.h"
 #include "sampling/voronoi/voronoi.h"
 
@@ -53,11 +54,28 @@ typedef struct planar_cell {
 /* voronoi_gather_listed for the partition's point `at`. */
 void planar_cells_gather(const partition *part, uint32_t at, uint32_t first, voronoi_listed *out);
 
-/* Computes the cell of the partition's own point `at`, and if it is certain its area. `piece`: of each point of the
- * set, or NULL if all are of one piece. `listed`: of the point, from its first entry on. The partition's flags are 0
- * for plain points; NULL: all points are plain. */
-void planar_cell_at(const partition *part, const uint32_t *piece, uint32_t at, const voronoi_listed *listed,
-                    planar_cell *out, double *area);
+typedef struct planar_points {
+    const partition *part; /* its flags are 0 for plain points; NULL: all points are plain */
+    const uint32_t *piece; /* of each point of the set; NULL: all are of one piece */
+    /* of the energy; 0: packing_support of the mean spacing of a pair, and its energy is multiplied by the square of the
+     * mean over the spacing of the point */
+    double support;
+} planar_points;
+
+/* Sums over the pairs of a point with its list. */
+typedef struct planar_pairs {
+    bool
+        alike; /* the point and those of its list are plain, of one piece and not on opposite walls; if not, the sums
+                 * are invalid */
+    double nearest; /* smallest distance over the mean spacing of a pair */
+    double energy;
+} planar_pairs;
+
+/* For `count` of the partition's own points, at most PLANAR_CELLS_ONCE: the sums of their pairs, and unless `cell` is NULL
+ * their cells, and of certain ones the areas. In single precision, relative to each point. */
+#define PLANAR_CELLS_ONCE 8
+void planar_cells_at(const planar_points *of, const uint32_t *at, size_t count, planar_cell *cell,
+                     double *area, planar_pairs *pairs);
 
 /* The mean of `value` (of each point of the set) over the partition's own point `at`, whose cell is certain, and
  * its neighbours. */

@@ -347,8 +347,6 @@ static bool is_opposite(const site *a, const site *b)
  * triangles. */
 static const voronoi_planar_bounds STRICT = {.cosine = 0.9, .edge = 0.225};
 
-/* Distance of the points that are tried first, in spacings: mostly the neighbours alone. */
-static const double FIRST_RING = 1.45;
 #define RING_MAX VORONOI_PLANAR_MAX
 
 /* Points around the own point: coordinates in its tangent frame, squared distances in space. */
@@ -582,21 +580,33 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
     }
 }
 
+/* The largest bend between the own point and those of the ring: 1 minus the cosine between the normals, or what the
+ * height over the tangent plane shows of it. */
+static double bend_of(const voronoi_listed *in, const ring *g)
+{
+    double bend = 0;
+    for (int k = 0; k < g->count; k++) {
+        bend = compare_larger(bend, 1 - in->facing[g->place[k]]);
+        bend = compare_larger(bend, 2 * g->z[k] * g->z[k] / g->square[k]);
+    }
+    return bend;
+}
+
 /* Finds the ring and the neighbours in it, to `hull`. Returns their number; 0: undecided. */
 static int find_polygon(const voronoi_listed *listed, double own, const voronoi_planar_bounds *bounds,
-                        size_t count, ring *g, int hull[RING_MAX + 1])
+                        ring *g, int hull[RING_MAX + 1])
 {
     int order[RING_MAX];
-    const double reach[2] = {FIRST_RING * own, INFINITY};
+    const double reach[2] = {VORONOI_FIRST_RING * own, INFINITY};
     if (!listed->complete) return 0;
     for (int k = 0; k < 2; k++) {
         const double reach2 = reach[k] * reach[k];
-        /* a polygon that one of the bounds permits is permitted by all later ones that the bend permits */
-        while (count > 0 && is_bent(listed, reach2, &bounds[count - 1])) count--;
-        if (count == 0 || !gather_ring(listed, reach2, own, g)) return 0;
+        if (is_bent(listed, reach2, bounds) || !gather_ring(listed, reach2, own, g)) return 0;
         if (g->count < 3) continue;
         order_ring(g, order);
-        const double clear = bounds[count - 1].edge * g->widest;
+        const double edge =
+            bounds->near_only ? compare_larger(bounds->edge, 0.5 * bend_of(listed, g)) : bounds->edge;
+        const double clear = edge * g->widest;
         const int sides = scan_hull(g, order, clear, hull);
         if (sides > 0 && is_closed(g, sides, hull, clear)) return sides;
     }
@@ -607,18 +617,17 @@ bool voronoi_star_planar(const voronoi_sites *in, uint32_t a, const voronoi_list
 {
     ring g;
     int hull[RING_MAX + 1];
-    const int sides = find_polygon(listed, in->spacing[a], &STRICT, 1, &g, hull);
+    const int sides = find_polygon(listed, in->spacing[a], &STRICT, &g, hull);
     if (sides > 0) measure_star(&g, neighbours_list(in->near, a), sides, hull, out);
     return sides > 0;
 }
 
 uint32_t voronoi_planar_neighbours(const voronoi_listed *listed, double spacing,
-                                   const voronoi_planar_bounds *bounds, size_t count,
-                                   uint32_t place[VORONOI_PLANAR_MAX])
+                                   const voronoi_planar_bounds *bounds, uint32_t place[VORONOI_PLANAR_MAX])
 {
     ring g;
     int hull[RING_MAX + 1];
-    const int sides = find_polygon(listed, spacing, bounds, count, &g, hull);
+    const int sides = find_polygon(listed, spacing, bounds, &g, hull);
     for (int k = 0; k < sides; k++) place[k] = g.place[hull[k]];
     return (uint32_t)sides;
 }

@@ -82,12 +82,16 @@ typedef struct voronoi_listed {
 /* Computes the values of at most VORONOI_STAR_MAX entries of the list of point `a`, from entry `first` on. */
 void voronoi_gather_listed(const voronoi_sites *sites, uint32_t a, uint32_t first, voronoi_listed *out);
 
+/* Distance of the points that are tried first for a planar polygon, in spacings: mostly the neighbours alone. */
+#define VORONOI_FIRST_RING 1.45
+
 /* When a planar polygon is used. */
 typedef struct voronoi_planar_bounds {
     double cosine; /* minimum cosine between the normal of the point and those of the points around it */
     double edge;   /* in spacings: minimum length of an edge, and by which other points miss the polygon */
-    bool
-        near_only; /* the cosine holds for the points that can bound the cell, otherwise for the whole list */
+    /* The cosine holds for the points that can bound the cell, otherwise for the whole list. The edge is at least half
+     * of 1 minus the smallest of their cosines. */
+    bool near_only;
 } voronoi_planar_bounds;
 
 /* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar
@@ -101,10 +105,8 @@ bool voronoi_star_planar(const voronoi_sites *sites, uint32_t a, const voronoi_l
                          voronoi_star *out);
 
 /* The neighbours of voronoi_star_planar for a point with the given spacing, as entries of its list. Returns
- * their number; 0 in the cases in which voronoi_star_planar returns false. `bounds`: `count` alternatives, with
- * ascending cosines and descending edges. */
+ * their number; 0 in the cases in which voronoi_star_planar returns false. */
 uint32_t voronoi_planar_neighbours(const voronoi_listed *listed, double spacing,
-                                   const voronoi_planar_bounds *bounds, size_t count,
-                                   uint32_t place[VORONOI_PLANAR_MAX]);
+                                   const voronoi_planar_bounds *bounds, uint32_t place[VORONOI_PLANAR_MAX]);
 
 #endif
