@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 #include "sampling/measures/pair_measures.h"
@@ -344,8 +345,19 @@ static bool count_defects(const point_table *t, const bool *regular, size_t piec
 
 /* Sums for the regression of the logarithm of the local spacing on that of the requested spacing. */
 typedef struct slope {
-    double n, x, y, xx, xy, finest, coarsest;
+    bool graded; /* see EVEN_REQUEST; if not, the sums are 0 */
+    double n, x, y, xx, xy;
 } slope;
+
+static bool is_graded(const double *requested, size_t count)
+{
+    double finest = INFINITY, coarsest = 0;
+    for (size_t i = 0; i < count; i++) {
+        finest = compare_smaller(finest, requested[i]);
+        coarsest = compare_larger(coarsest, requested[i]);
+    }
+    return coarsest > EVEN_REQUEST * finest;
+}
 
 static void count_grading(slope *s, double requested, double local)
 {
@@ -355,8 +367,6 @@ static void count_grading(slope *s, double requested, double local)
     s->y += y;
     s->xx += x * x;
     s->xy += x * y;
-    s->finest = fmin(s->finest, requested);
-    s->coarsest = fmax(s->coarsest, requested);
 }
 
 /* Sums over the Voronoi cells. */
@@ -388,7 +398,7 @@ static void add_side(const measures_input *in, const voronoi_side *s, const voro
 static void sum_cells(const measures_input *in, const voronoi_cells *c, const point_table *t, double *local,
                       bool *regular, cell_sums *out)
 {
-    *out = (cell_sums){.grading = {.finest = INFINITY}};
+    *out = (cell_sums){.grading = {.graded = is_graded(in->spacing, t->count)}};
     for (size_t i = 0; i < t->count; i++) {
         const double h = t->spacing[i];
         const planar_cell *own = &c->planar[i];
@@ -400,7 +410,7 @@ static void sum_cells(const measures_input *in, const voronoi_cells *c, const po
         count_value(&out->area, 1, c->area[i] / (h * h * share_of(t, i)));
         local[i] = local_spacing(c, t, i);
         count_value(&out->ratio, 1, local[i] / in->spacing[i]);
-        count_grading(&out->grading, in->spacing[i], local[i]);
+        if (out->grading.graded) count_grading(&out->grading, in->spacing[i], local[i]);
         out->edge.n += 0.5 * own->degree;
         out->edge.sum += 0.5 * own->edge;
         out->edge.squares += 0.5 * own->edge2;
@@ -452,9 +462,7 @@ static void conclude_grading(const cell_sums *c, measures *out)
 {
     const slope *s = &c->grading;
     out->grading_cv = variation(&c->ratio, 0);
-    out->grading_exponent = s->coarsest > EVEN_REQUEST * s->finest
-                                ? (s->xy - s->x * s->y / s->n) / (s->xx - s->x * s->x / s->n)
-                                : 1;
+    out->grading_exponent = s->graded ? (s->xy - s->x * s->y / s->n) / (s->xx - s->x * s->x / s->n) : 1;
 }
 
 static bool conclude_cells(const measures_input *in, const voronoi_cells *v, const point_table *t,
@@ -466,7 +474,7 @@ static bool conclude_cells(const measures_input *in, const voronoi_cells *v, con
     if (!regular) return false;
     sum_cells(in, v, t, local, regular, &c);
     const double n = (double)t->count;
-    const bool graded = !in->achieved && c.grading.coarsest > EVEN_REQUEST * c.grading.finest;
+    const bool graded = !in->achieved && c.grading.graded;
     const bool ok = count_defects(t, regular, pieces, &out->defect_share, e) &&
                     (!graded || mean_growth2(in, v, t, &growth2, e));
     free(regular);
