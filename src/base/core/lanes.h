@@ -25,6 +25,11 @@ ISA_INLINE lanes_mask lanes_spread(uint8_t bits)
     return ((all + (int32_t)bits) & bit) == bit;
 }
 
+ISA_INLINE lanes lanes_all(float value)
+{
+    return (lanes){0} + value;
+}
+
 /* a where the mask is set, 0 in other lanes. */
 ISA_INLINE lanes lanes_only(lanes_mask of, lanes a)
 {

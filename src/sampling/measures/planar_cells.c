@@ -66,11 +66,6 @@ ISA_INLINE lanes norm(vector a)
     return lanes_root(dot(a, a));
 }
 
-ISA_INLINE lanes all(float value)
-{
-    return (lanes){0} + value;
-}
-
 /* A neighbour of each point: its place relative to the point, how much its spacing is larger, its normal and its kind.
  * One neighbour of one point is the same eight numbers. */
 typedef union neighbour {
@@ -146,7 +141,7 @@ ISA_INLINE lanes potential(lanes u2)
 ISA_INLINE void add_neighbour(batch *b, const neighbour *n, lanes_mask listed)
 {
     const float reach2 = VORONOI_FIRST_RING * VORONOI_FIRST_RING;
-    const lanes none = all(INFINITY), square = lanes_chosen(listed, dot(n->at, n->at), none),
+    const lanes none = lanes_all(INFINITY), square = lanes_chosen(listed, dot(n->at, n->at), none),
                 facing = dot(n->normal, b->normal), mean = 1 + 0.5f * n->growth, mean2 = mean * mean,
                 relative2 = square / mean2;
     const lanes_mask seen = listed & (facing > (float)PAIR_FACING_NONE), within = seen & (square < reach2),
@@ -162,8 +157,8 @@ ISA_INLINE void add_neighbour(batch *b, const neighbour *n, lanes_mask listed)
     b->alike &= ~(other | opposite);
     b->nearest2 = lanes_smaller(b->nearest2, relative2);
     const bool sized = b->of->support == 0;
-    const lanes u2 = sized ? relative2 / 3 : square / b->support2, weight = sized ? mean2 : all(1);
-    const lanes phi = potential(lanes_larger(lanes_smaller(u2, all(1)), all(TINY)));
+    const lanes u2 = sized ? relative2 / 3 : square / b->support2, weight = sized ? mean2 : lanes_all(1);
+    const lanes phi = potential(lanes_larger(lanes_smaller(u2, lanes_all(1)), lanes_all(TINY)));
     b->energy += lanes_only(u2 < 1, weight * phi);
 }
 
@@ -180,8 +175,8 @@ ISA_CLONES static void add_lists(batch *b)
     }
     b->filled = (lanes_mask){0};
     b->alike = b->kind != NOT_PLAIN;
-    b->beyond = b->foreign2 = b->nearest2 = all(INFINITY);
-    b->least = b->widest = b->energy = all(0);
+    b->beyond = b->foreign2 = b->nearest2 = lanes_all(INFINITY);
+    b->least = b->widest = b->energy = lanes_all(0);
     for (int32_t k = 0; k < longest; k++) {
         neighbour n;
         for (size_t l = 0; l < LANES; l++) b->ring[l][b->filled[l]] = n.number[l] = load(b, l, list[l][k]);
@@ -213,7 +208,7 @@ ISA_INLINE void load_ring(const batch *b, lanes_mask at, neighbour *out)
  * Numbers of points that a ring lacks are larger. Returns the largest bend, as bend_of in voronoi.c does. */
 ISA_INLINE lanes compute_angles(const batch *b, int32_t most, lanes angle[RING])
 {
-    lanes bend = all(0);
+    lanes bend = lanes_all(0);
     for (int32_t k = 0; k < most; k++) {
         const lanes_mask has = b->filled > k;
         neighbour n;
@@ -222,7 +217,7 @@ ISA_INLINE lanes compute_angles(const batch *b, int32_t most, lanes angle[RING])
         const lanes height = dot(b->normal, n.at),
                     bends = lanes_larger(1 - dot(b->normal, n.normal), 2 * height * height / p.square),
                     turn = 1 - p.x / (lanes_magnitude(p.x) + lanes_magnitude(p.y) + TINY),
-                    key = lanes_chosen(has, 3 + lanes_signed(turn, p.y), all(RING));
+                    key = lanes_chosen(has, 3 + lanes_signed(turn, p.y), lanes_all(RING));
         angle[k] = (lanes)(((lanes_mask)key & -RING) | k);
         bend = lanes_larger(bend, lanes_only(has, bends));
     }
@@ -258,12 +253,12 @@ ISA_CLONES static void find_polygons(batch *b)
     most = most < RING ? most : RING;
     lanes angle[RING];
     const lanes bend = compute_angles(b, most, angle),
-                clear = lanes_larger(all((float)BOUNDS.edge), 0.5f * bend) * (1 + b->widest),
+                clear = lanes_larger(lanes_all((float)BOUNDS.edge), 0.5f * bend) * (1 + b->widest),
                 unlisted = (float)(0.5 * VORONOI_REACH) * (2 + b->least),
                 beyond = lanes_smaller(lanes_root(b->beyond), unlisted);
     order_ring(b, most, angle);
     planar q = planar_of(b, &b->side[0]);
-    lanes before = all(0), rest_before = all(0);
+    lanes before = lanes_all(0), rest_before = lanes_all(0);
     lanes_mask closed = (b->filled >= 3) & (b->filled <= RING);
     for (int32_t k = 0; k <= most; k++) {
         const planar r = planar_of(b, &b->side[k + 1]);
@@ -274,7 +269,8 @@ ISA_CLONES static void find_polygons(batch *b)
                     least = 2 * clear * lanes_root(plane) * before * after;
         /* the corner between the two */
         const lanes tangent = (lanes_root(along * along + after * after) - along) / after,
-                    room = beyond - clear * lanes_chosen(along < 0, tangent, all(1)), across2 = after * after,
+                    room = beyond - clear * lanes_chosen(along < 0, tangent, lanes_all(1)),
+                    across2 = after * after,
                     farthest2 = rest_after * rest_after + q.square * q.square * across2;
         const lanes_mask corner = (after > 0) & (room > 0) & (farthest2 <= room * room * plane * across2),
                          side = (before > 0) & (after > 0) & (length > least), none = (lanes_mask){0};
@@ -358,11 +354,11 @@ ISA_INLINE void add_triangle(const batch *b, const neighbour *first, const neigh
                            to_u * wu.z + to_v * vw.z}; /* the circumcentre */
     /* the surface over it: its distance from a tangent plane is half of the plane's distance from the chord */
     const lanes rise = -(dot(b->normal, centre) + dot(m, minus(centre, u)) + dot(n, minus(centre, v))) / 6;
-    const vector corner = axpy(lanes_signed(all(1), dot(w, b->normal)) * rise / twice, w, centre);
+    const vector corner = axpy(lanes_signed(lanes_all(1), dot(w, b->normal)) * rise / twice, w, centre);
     const lanes flat = 0.25f * (u2 * at_v + v2 * at_u),
                 bend = flat * (bend_factor(u, m, p, v, n, q, twice) - 1);
-    const vector third_p = axpy(all(-0.5f), add(b->normal, m), n),
-                 third_q = axpy(all(-0.5f), add(b->normal, n), m);
+    const vector third_p = axpy(lanes_all(-0.5f), add(b->normal, m), n),
+                 third_q = axpy(lanes_all(-0.5f), add(b->normal, n), m);
     const lanes half_p = lanes_signed(side_length(minus(corner, p), third_p), at_v),
                 half_q = lanes_signed(side_length(minus(corner, q), third_q), at_u),
                 straight = 0.25f * (distance * half_p + lanes_root(v2) * half_q);
@@ -378,13 +374,14 @@ ISA_INLINE void add_triangle(const batch *b, const neighbour *first, const neigh
 
 ISA_INLINE vector middle_to(const batch *b, const neighbour *n)
 {
-    const vector here = {all(0), all(0), all(0)};
+    const vector here = {lanes_all(0), lanes_all(0), lanes_all(0)};
     return curve_middle(here, b->normal, n->at, n->normal);
 }
 
 ISA_CLONES static void measure_polygons(const batch *b, cell_sums *out)
 {
-    cell_sums sums = {all(0), all(0), all(0), all(0), all(0), all(0), all(0)};
+    cell_sums sums = {lanes_all(0), lanes_all(0), lanes_all(0), lanes_all(0),
+                      lanes_all(0), lanes_all(0), lanes_all(0)};
     int32_t most = 0;
     for (size_t l = 0; l < LANES; l++) most = b->count[l] > most ? b->count[l] : most;
     vector p = middle_to(b, &b->side[0]);
@@ -417,7 +414,7 @@ static planar_cell cell_of(const batch *b, const cell_sums *sums, size_t l, doub
 ISA_CLONES static void set_frames(batch *b)
 {
     const vector n = b->normal;
-    const lanes sign = lanes_signed(all(1), n.z), a = -1 / (sign + n.z), c = n.x * n.y * a;
+    const lanes sign = lanes_signed(lanes_all(1), n.z), a = -1 / (sign + n.z), c = n.x * n.y * a;
     b->u = (vector){1 + sign * n.x * n.x * a, sign * c, -sign * n.x};
     b->v = (vector){c, sign + n.y * n.y * a, -n.y};
 }
