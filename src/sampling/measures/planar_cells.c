@@ -225,7 +225,7 @@ ISA_INLINE lanes compute_angles(const batch *b, int32_t most, lanes angle[RING])
 }
 
 /* Lists the points of each ring by their angles, and the first ones again, as sides. */
-ISA_INLINE void order_ring(batch *b, int32_t most, lanes angle[RING])
+ISA_INLINE void sort_sides(batch *b, int32_t most, lanes angle[RING])
 {
     for (int32_t last = most - 1; last > 0; last--)
         for (int32_t k = 0; k < last; k++) {
@@ -256,7 +256,7 @@ ISA_CLONES static void find_polygons(batch *b)
                 clear = lanes_larger(lanes_all((float)BOUNDS.edge), 0.5f * bend) * (1 + b->widest),
                 unlisted = (float)(0.5 * VORONOI_REACH) * (2 + b->least),
                 beyond = lanes_smaller(lanes_root(b->beyond), unlisted);
-    order_ring(b, most, angle);
+    sort_sides(b, most, angle);
     planar q = planar_of(b, &b->side[0]);
     lanes before = lanes_all(0), rest_before = lanes_all(0);
     lanes_mask closed = (b->filled >= 3) & (b->filled <= RING);
