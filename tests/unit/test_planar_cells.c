@@ -58,7 +58,8 @@ static planar_cell middle_cell(sheet *s, double *area)
     assert_true(pool && partitions_cut(&in, pool, &all, &e) && partition_fill(&in, &all, 0, pool, &part, &e));
     const uint32_t middle = MIDDLE;
     planar_pairs pairs;
-    planar_cells_at(&(planar_points){&part, s->piece, packing_support(1)}, &middle, 1, &cell, area, &pairs);
+    planar_cells_at(&(planar_points){&part, s->piece, packing_support(1), false}, &middle, 1, &cell, area,
+                    &pairs);
     partition_free(&part);
     partitions_free(&all);
     threads_free(pool);

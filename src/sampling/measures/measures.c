@@ -579,7 +579,11 @@ static bool build_cells(const measures_input *in, facets *f, threads *pool, poin
         return false;
     for (int round = in->achieved ? 0 : 1; round < 2; round++) {
         const sites s = sites_of(in, t);
-        const pair_measures_input pairs = {&s, in->h, in->sized || in->achieved, in->kept,
+        const pair_measures_input pairs = {&s,
+                                           in->h,
+                                           in->sized || in->achieved,
+                                           in->surface.triangle_count > 0,
+                                           in->kept,
                                            t->has_odd ? t->odd : NULL};
         voronoi_cells_free(c);
         if (!voronoi_cells_build(&(voronoi_cells_input){f, whole, in->exact, area, &pairs}, pool, &t->energy,

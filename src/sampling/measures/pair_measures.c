@@ -185,7 +185,8 @@ static void measure_point(const pair_job *job, uint32_t at, pair_sums *sums)
 static void measure_points(const pair_job *job, const uint32_t *at, size_t count, pair_sums *sums)
 {
     const pair_measures_input *in = job->in;
-    const planar_points points = {job->part, in->sites->piece, in->sized ? 0 : packing_support(in->h)};
+    const planar_points points = {job->part, in->sites->piece, in->sized ? 0 : packing_support(in->h),
+                                  in->borders};
     planar_cell cell[PLANAR_CELLS_ONCE];
     double area[PLANAR_CELLS_ONCE];
     planar_pairs pairs[PLANAR_CELLS_ONCE];
@@ -323,6 +324,7 @@ typedef struct mean_job {
     const planar_cell *cells;
     const double *value;
     double *mean;
+    bool borders;
 } mean_job;
 
 static void mean_chunk(void *context, int worker, size_t begin, size_t end)
@@ -332,7 +334,7 @@ static void mean_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         const uint32_t i = job->part->index[k];
         if (partition_owns(job->part, k) && job->cells[i].certain)
-            job->mean[i] = planar_cell_mean(job->part, (uint32_t)k, job->value);
+            job->mean[i] = planar_cell_mean(job->part, job->borders, (uint32_t)k, job->value);
     }
 }
 
@@ -343,7 +345,9 @@ bool pair_measures_means(const pair_measures_input *in, const planar_cell *cells
     bool ok = open_lists(in, pool, &l, e);
     for (size_t k = 0; ok && k < l.all.count; k++) {
         ok = partition_fill(&l.cut, &l.all, k, pool, &l.part, e);
-        if (ok) threads_run(pool, l.part.count, CHUNK, mean_chunk, &(mean_job){&l.part, cells, value, mean});
+        if (ok)
+            threads_run(pool, l.part.count, CHUNK, mean_chunk,
+                        &(mean_job){&l.part, cells, value, mean, in->borders});
     }
     close_lists(&l);
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));

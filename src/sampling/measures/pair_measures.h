@@ -14,6 +14,7 @@ typedef struct pair_measures_input {
     const sites *sites;
     double h;
     bool sized;       /* see measures_input */
+    bool borders;     /* see planar_points */
     const bool *kept; /* see measures_input */
     const uint8_t
         *odd; /* of each point: its flags (point_flags.h); not 0 if it is not plain (planar_cells.h); NULL:

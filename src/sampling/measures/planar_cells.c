@@ -13,6 +13,13 @@
 static const voronoi_planar_bounds BOUNDS = {
     .cosine = PLANAR_CELLS_COSINE, .edge = 0.0005, .near_only = true};
 
+static voronoi_planar_bounds bounds_of(bool borders)
+{
+    voronoi_planar_bounds bounds = BOUNDS;
+    bounds.wide = !borders;
+    return bounds;
+}
+
 /* Points within VORONOI_FIRST_RING of a point that are tried; with more, they are listed by voronoi.h. ROOM: sides of a
  * polygon, with the first two of them again. */
 enum { RING = 8, ROOM = VORONOI_PLANAR_MAX + 2 };
@@ -257,6 +264,7 @@ ISA_CLONES static void find_polygons(batch *b)
                 unlisted = (float)(0.5 * VORONOI_REACH) * (2 + b->least),
                 beyond = lanes_smaller(lanes_root(b->beyond), unlisted);
     sort_sides(b, most, angle);
+    const lanes_mask wide = (lanes_mask){0} - !b->of->borders;
     planar q = planar_of(b, &b->side[0]);
     lanes before = lanes_all(0), rest_before = lanes_all(0);
     lanes_mask closed = (b->filled >= 3) & (b->filled <= RING);
@@ -272,7 +280,8 @@ ISA_CLONES static void find_polygons(batch *b)
                     room = beyond - clear * lanes_chosen(along < 0, tangent, lanes_all(1)),
                     across2 = after * after,
                     farthest2 = rest_after * rest_after + q.square * q.square * across2;
-        const lanes_mask corner = (after > 0) & (room > 0) & (farthest2 <= room * room * plane * across2),
+        const lanes_mask corner = (after > 0) & ((along >= 0) | wide) & (room > 0) &
+                                  (farthest2 <= room * room * plane * across2),
                          side = (before > 0) & (after > 0) & (length > least), none = (lanes_mask){0};
         closed &= (corner | (b->filled <= k)) & (side | (b->filled < k) | (none == k));
         before = after;
@@ -289,9 +298,10 @@ static void find_polygon(batch *b, size_t l)
     const partition *part = b->of->part;
     const uint32_t at = b->at[l], *list = neighbours_list(part->near, at);
     uint32_t place[VORONOI_PLANAR_MAX];
+    const voronoi_planar_bounds bounds = bounds_of(b->of->borders);
     voronoi_listed listed;
     planar_cells_gather(part, at, 0, &listed);
-    const uint32_t count = voronoi_planar_neighbours(&listed, part->spacing[at], &BOUNDS, place);
+    const uint32_t count = voronoi_planar_neighbours(&listed, part->spacing[at], &bounds, place);
     for (uint32_t k = 0; count > 0 && k <= count; k++) {
         const lanes one = load(b, l, list[place[k % count]]);
         for (size_t m = 0; m < LANES; m++) b->side[k].number[m][l] = one[m];
@@ -458,14 +468,15 @@ void planar_cells_at(const planar_points *of, const uint32_t *at, size_t count, 
     for (size_t l = 0; l < count; l++) cell[l] = cell_of(&b, &sums, l, &area[l]);
 }
 
-double planar_cell_mean(const partition *part, uint32_t at, const double *value)
+double planar_cell_mean(const partition *part, bool borders, uint32_t at, const double *value)
 {
+    const voronoi_planar_bounds bounds = bounds_of(borders);
     voronoi_listed listed;
     uint32_t place[VORONOI_PLANAR_MAX];
     double sum = value[part->index[at]];
     planar_cells_gather(part, at, 0, &listed);
     const uint32_t *list = neighbours_list(part->near, at),
-                   count = voronoi_planar_neighbours(&listed, part->spacing[at], &BOUNDS, place);
+                   count = voronoi_planar_neighbours(&listed, part->spacing[at], &bounds, place);
     for (uint32_t k = 0; k < count; k++) sum += value[part->index[list[place[k]]]];
     return sum / (1 + count);
 }

@@ -60,6 +60,8 @@ typedef struct planar_points {
     /* of the energy; 0: packing_support of the mean spacing of a pair, and its energy is multiplied by the square of the
      * mean over the spacing of the point */
     double support;
+    bool
+        borders; /* the surface may end near plain points: the angle between two neighbours is at most 90 degrees */
 } planar_points;
 
 /* Sums over the pairs of a point with its list. */
@@ -79,6 +81,6 @@ void planar_cells_at(const planar_points *of, const uint32_t *at, size_t count, 
 
 /* The mean of `value` (of each point of the set) over the partition's own point `at`, whose cell is certain, and
  * its neighbours. */
-double planar_cell_mean(const partition *part, uint32_t at, const double *value);
+double planar_cell_mean(const partition *part, bool borders, uint32_t at, const double *value);
 
 #endif

@@ -538,8 +538,8 @@ static int scan_hull(const ring *g, const int order[RING_MAX], double clear, int
 
 /* Whether the points beyond the ring are too far to clip the corners of the polygon. Where the angle between two
  * neighbours is at most 90 degrees, a bisector that misses their corner by d would need to move by d to get an edge of
- * length 2 d; at a larger angle, by d times the tangent of half of it. */
-static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], double clear)
+ * length 2 d; at a larger angle, which must be permitted (`wide`), by d times the tangent of half of it. */
+static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], double clear, bool wide)
 {
     const double beyond = sqrt(g->beyond);
     for (int k = 0; k < count; k++) {
@@ -548,8 +548,9 @@ static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], do
         double cross = g->x[q] * g->y[r] - g->y[q] * g->x[r];
         double rest = g->square[r] * plane - g->square[q] * dot, corner = beyond - clear;
         if (dot < 0) corner = beyond - clear * (sqrt(dot * dot + cross * cross) - dot) / cross;
-        if (!(corner > 0) || rest * rest + g->square[q] * g->square[q] * cross * cross >
-                                 corner * corner * plane * cross * cross)
+        if (!(corner > 0) || (dot < 0 && !wide) ||
+            rest * rest + g->square[q] * g->square[q] * cross * cross >
+                corner * corner * plane * cross * cross)
             return false;
     }
     return true;
@@ -608,7 +609,7 @@ static int find_polygon(const voronoi_listed *listed, double own, const voronoi_
             bounds->near_only ? compare_larger(bounds->edge, 0.5 * bend_of(listed, g)) : bounds->edge;
         const double clear = edge * g->widest;
         const int sides = scan_hull(g, order, clear, hull);
-        if (sides > 0 && is_closed(g, sides, hull, clear)) return sides;
+        if (sides > 0 && is_closed(g, sides, hull, clear, bounds->wide)) return sides;
     }
     return 0;
 }

@@ -92,6 +92,9 @@ typedef struct voronoi_planar_bounds {
     /* The cosine holds for the points that can bound the cell, otherwise for the whole list. The edge is at least half
      * of 1 minus the smallest of their cosines. */
     bool near_only;
+    /* The surface has no border near: the angle between two neighbours may exceed 90 degrees. Beside a border such an
+     * angle means that the corner of the polygon is beyond it. */
+    bool wide;
 } voronoi_planar_bounds;
 
 /* The two algorithms of voronoi_star_at. voronoi_star_triangles is valid for all points. voronoi_star_planar
