@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "geometry/space/packing.h"
 #include "surface/field/analytic.h"
 #include "surface/field/region.h"
 #include "lattice_scenes.h"
@@ -120,6 +121,62 @@ static void a_rectangle_cut_from_a_plane_is_measured_as_its_triangles(void **sta
     analytic_free(a);
     threads_free(pool);
     scene_free(&s);
+}
+
+/* Rows of points on one face of the cube [-1, 1]^3. */
+static size_t fill_face(int axis, double side, int rows, vec3 *at, vec3 *normal)
+{
+    size_t count = 0;
+    for (int row = 0; row < rows; row++)
+        for (int k = 0; k < rows - row % 2; k++) {
+            vec3 x = {0, 0, 0}, n = {0, 0, 0};
+            vec3_set(&n, axis, side);
+            vec3_set(&x, axis, side);
+            vec3_set(&x, (axis + 1) % 3, (2 * k + 1 + row % 2) / (double)rows - 1);
+            vec3_set(&x, (axis + 2) % 3, (2 * row + 1) / (double)rows - 1);
+            at[count] = x;
+            normal[count++] = n;
+        }
+    return count;
+}
+
+/* The triangles of grid cells cut off the edges of a cube. The cells of its points have its area nevertheless, and
+ * those within its faces are certain. */
+static void cells_at_the_edges_of_a_formula_have_its_area(void **state)
+{
+    (void)state;
+    enum { ROWS = 20, MOST = 6 * ROWS * ROWS };
+    const analytic_params cube = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
+    static vec3 at[MOST], normal[MOST];
+    static double spacing[MOST], local[MOST];
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    analytic *a = analytic_new(&cube, pool, &e);
+    surface *scan = surface_scan(&a->base, pool, &e);
+    size_t count = 0;
+    for (int axis = 0; axis < 3; axis++)
+        for (int side = -1; side <= 1; side += 2)
+            count += fill_face(axis, side, ROWS, at + count, normal + count);
+    for (size_t k = 0; k < count; k++) spacing[k] = packing_spacing(24, (double)count);
+    for (int exact = 0; exact < 2; exact++) {
+        double farthest, area = 0;
+        measures got;
+        const measures_input in = {.surface = {.scan = scan, .patch_count = 1},
+                                   .count = count,
+                                   .position = at,
+                                   .spacing = spacing,
+                                   .h = spacing[0],
+                                   .exact = exact,
+                                   .copy_count = count,
+                                   .copy_normal = normal};
+        assert_true(measures_take(&in, pool, local, NULL, &farthest, &got, &e));
+        for (size_t k = 0; k < count; k++) area += packing_cell_area(local[k]);
+        assert_close(area, 24, 1e-3 * 24);
+        if (!exact) assert_true(got.certain_share > 0.7);
+    }
+    surface_free(scan);
+    analytic_free(a);
+    threads_free(pool);
 }
 
 static void a_triangle_of_a_lattice_is_perfect(void **state)
@@ -500,6 +557,7 @@ int main(void)
         cmocka_unit_test(a_rectangle_has_irregular_points_along_its_zigzag_sides_only),
         cmocka_unit_test(a_rectangle_of_slivers_is_measured_as_two_triangles),
         cmocka_unit_test(a_rectangle_cut_from_a_plane_is_measured_as_its_triangles),
+        cmocka_unit_test(cells_at_the_edges_of_a_formula_have_its_area),
         cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
         cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),

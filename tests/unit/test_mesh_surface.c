@@ -149,6 +149,45 @@ static void test_lanes_of_patches_equal_single_samples(void **state)
     mesh_surface_free(s);
 }
 
+/* Rays from one face of a box into it end at one of the others, with its normal; those out of it do not end. */
+static void test_rays_end_at_the_opposite_face(void **state)
+{
+    (void)state;
+    const vec3 low = {1, 2, 3}, high = {2, 4, 3.1};
+    mesh_surface *s =
+        make(mesh_fixture_box(vec3_scale(vec3_add(low, high), 0.5), vec3_scale(vec3_sub(high, low), 0.5), 0),
+             MESH_PATCHES_AUTOMATIC, 0.2);
+    const field *f = mesh_surface_field(s);
+    assert_int_equal(f->patches->count, 6);
+    uint64_t seed = 9;
+    for (int k = 0; k < PLACES; k++) {
+        size_t cell;
+        const vec3 x = place_near(f, 0, &seed, &cell);
+        field_sample at;
+        uint32_t hint = FIELD_NO_HINT;
+        assert_true(field_sample_near(f, x, FIELD_GRADIENT, &hint, &at));
+        vec3 along = vec3_unit(vec3_make(fixture_random(&seed) - 0.5, fixture_random(&seed) - 0.5,
+                                         fixture_random(&seed) - 0.5)),
+             normal = {0};
+        const bool inwards = vec3_dot(along, at.gradient) < 0;
+        double wanted = INFINITY, found = -1;
+        int axis = 0;
+        for (int a = 0; a < 3; a++) {
+            const double way = vec3_get(along, a), end = vec3_get(way > 0 ? high : low, a),
+                         to = (end - vec3_get(x, a)) / way;
+            if (to < wanted) axis = a;
+            wanted = fmin(wanted, to);
+        }
+        const bool is_found = f->ops->first_crossing(f, x, along, INFINITY, hint, &found, &normal);
+        assert_int_equal(is_found, inwards);
+        if (!inwards) continue;
+        assert_float_equal(found, wanted, 1e-9);
+        assert_float_equal(vec3_get(normal, axis), vec3_get(along, axis) > 0 ? 1 : -1, 1e-9);
+        assert_false(f->ops->first_crossing(f, x, along, 0.99 * wanted, hint, &found, &normal));
+    }
+    mesh_surface_free(s);
+}
+
 /* A ball of triangles: F is the distance from it, and normals and curvatures are those of the sphere, to the
  * size of the triangles. */
 static void test_ball(void **state)
@@ -576,6 +615,7 @@ int main(void)
         cmocka_unit_test(test_a_hint_stays_on_its_side_of_a_fold),
         cmocka_unit_test(test_normals_in_a_small_fold_equal_those_around_it),
         cmocka_unit_test(test_refined_patches_meet),
+        cmocka_unit_test(test_rays_end_at_the_opposite_face),
         cmocka_unit_test(test_ball),
         cmocka_unit_test(test_a_patch_is_extrapolated_beyond_its_boundary),
         cmocka_unit_test(test_the_whole_field_equals_the_nearest_patch),

@@ -255,6 +255,45 @@ static void crossings_of_lines_are_found(void **state)
     teardown(&f);
 }
 
+/* Rays from a place on a triangle of two overlapping balls to the first other triangle, of limited length. */
+static void the_first_crossing_of_a_ray_is_found(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 6);
+    fixture f;
+    size_t found_some = 0;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3);
+    mesh_fixture_append(&m, mesh_fixture_ball((vec3){0.8, 0.1, 0.2}, 0.7, 2));
+    setup(&f, m);
+    for (int p = 0; p < PLACES; p++) {
+        const size_t skip = (size_t)(rng_uniform(&r) * (double)f.m.triangle_count);
+        const triangle from = triangle_of(&f.m, skip);
+        const vec3 x = vec3_scale(vec3_add(from.a, vec3_add(from.b, from.c)), 1.0 / 3),
+                   d = p % 8 ? vec3_unit(random_place(&r)) : (vec3){0, 0, p % 16 ? 1 : -1};
+        const double within = p % 3 ? 2 * rng_uniform(&r) : INFINITY;
+        ray_crossing nearest = {INFINITY, 0, 0}, own = {0};
+        for (size_t part = 0; part < PARTS; part++)
+            for (size_t n = 0; n < f.part[part].triangle_count; n++) {
+                const triangle t = triangle_of(&f.part[part], n);
+                double at;
+                int sign;
+                if (&f.part[part].triangle[n] == &f.m.triangle[skip])
+                    own = (ray_crossing){0, part, n};
+                else if (crosses(&t, x, d, &at, &sign) && at >= 0 && at < within && at < nearest.distance)
+                    nearest = (ray_crossing){at, part, n};
+            }
+        const ray_crossing found = triangle_forest_first_crossing(f.forest, x, d, within, &own);
+        assert_int_equal(found.distance < INFINITY, nearest.distance < INFINITY);
+        if (!(nearest.distance < INFINITY)) continue;
+        found_some++;
+        assert_true(fabs(found.distance - nearest.distance) < 1e-9);
+        assert_int_equal(found.tree, nearest.tree);
+        assert_int_equal(found.triangle, nearest.triangle);
+    }
+    assert_in_range(found_some, PLACES / 8, PLACES - PLACES / 8);
+    teardown(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -264,6 +303,7 @@ int main(void)
         cmocka_unit_test(a_line_crosses_each_sliver_once),
         cmocka_unit_test(the_closest_accepted_place_is_found),
         cmocka_unit_test(crossings_of_lines_are_found),
+        cmocka_unit_test(the_first_crossing_of_a_ray_is_found),
     };
     return cmocka_run_group_tests_name("triangle_tree", tests, NULL, NULL);
 }

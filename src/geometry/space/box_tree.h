@@ -203,4 +203,71 @@ static inline bool box_tree_next_crossed(const box_tree *t, box_tree_walk *w, ve
     return false;
 }
 
+/* A ray from p, relative to the middle of a tree; `inverse`: of the coordinates of its direction, a unit vector. */
+typedef struct box_tree_ray {
+    vec3 p, inverse;
+} box_tree_ray;
+
+static inline box_tree_ray box_tree_ray_make(const box_tree *t, vec3 p, vec3 d)
+{
+    return (box_tree_ray){vec3_sub(p, t->middle), {1 / d.x, 1 / d.y, 1 / d.z}};
+}
+
+/* Narrows the range of distances along a ray to those between two planes of a box. A ray in one of the planes (NaN)
+ * may miss the box: no item touches them. */
+static inline void box_tree_clip(double from, double to, double inverse, double *low, double *high)
+{
+    const double a = from * inverse, b = to * inverse, near = a < b ? a : b, far = a < b ? b : a;
+    *low = near > *low ? near : *low;
+    *high = far < *high ? far : *high;
+}
+
+/* The distance at which a ray enters a node, 0 if it begins there; INFINITY: it does not, or not before `within`. */
+static inline double box_tree_entry(const box_tree_bounds *b, const box_tree_ray *r, double within)
+{
+    double low = 0, high = within;
+    box_tree_clip(b->min[0] - r->p.x, b->max[0] - r->p.x, r->inverse.x, &low, &high);
+    box_tree_clip(b->min[1] - r->p.y, b->max[1] - r->p.y, r->inverse.y, &low, &high);
+    box_tree_clip(b->min[2] - r->p.z, b->max[2] - r->p.z, r->inverse.z, &low, &high);
+    return low <= high ? low : INFINITY;
+}
+
+/* Adds a node that a ray enters before `within` to those that are still to be searched. */
+static inline void box_tree_push_on_ray(const box_tree *t, box_tree_walk *w, box_tree_node n,
+                                        const box_tree_ray *r, double within)
+{
+    const double entry = box_tree_entry(&t->box[n.node], r, within);
+    n.distance2 = entry * entry;
+    w->stack[w->depth] = n;
+    w->depth += entry < INFINITY;
+}
+
+/* Begins a walk along a ray, for box_tree_next_on_ray. */
+static inline void box_tree_begin_ray(const box_tree *t, box_tree_walk *w, const box_tree_ray *r,
+                                      double within)
+{
+    w->depth = 0;
+    box_tree_push_on_ray(t, w, (box_tree_node){0, 0, t->count, 0}, r, within);
+}
+
+/* Moves to the next leaf whose box the ray enters before `within`, which may decrease during the walk. False: there
+ * is none. */
+static inline bool box_tree_next_on_ray(const box_tree *t, box_tree_walk *w, const box_tree_ray *r,
+                                        double within)
+{
+    while (w->depth > 0) {
+        const box_tree_node n = w->stack[--w->depth];
+        if (!(n.distance2 < within * within)) continue;
+        if (n.count <= BOX_TREE_LEAF) {
+            box_tree_set_leaf(w, &n);
+            return true;
+        }
+        box_tree_node left, right;
+        box_tree_halves(&n, &left, &right);
+        box_tree_push_on_ray(t, w, right, r, within);
+        box_tree_push_on_ray(t, w, left, r, within);
+    }
+    return false;
+}
+
 #endif

@@ -504,6 +504,20 @@ static int item_corners(const facets *f, uint32_t item, bool exact, vec3 out[FIE
     return 1;
 }
 
+/* Sets `stretch`. A cell that the domain cuts keeps 1: its triangles reach beyond the domain. */
+static void set_stretch(const facets *f, size_t k, int count, facet *t)
+{
+    const field *of = f->in.triangle_count == 0 ? f->in.scan->field : NULL;
+    bool whole = of != NULL;
+    double sum = 0;
+    for (int i = 0; i < count; i++) {
+        sum += t[i].area;
+        for (int c = 0; whole && of->open && c < 3; c++)
+            whole = bbox_contains(of->boundary_box, t[i].corner[c]);
+    }
+    for (int i = 0; i < count; i++) t[i].stretch = whole ? area_of_item(f, f->item[k]) / sum : 1;
+}
+
 int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
 {
     const uint32_t item = f->item[k];
@@ -524,6 +538,7 @@ int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
         to->item = k;
         if (f->face_normal) to->normal = oriented(f, k, patch, corner[t], to->normal);
     }
+    set_stretch(f, k, kept, out);
     return kept;
 }
 

@@ -464,7 +464,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     const double area = polygon_area(&p);
     if (area <= LEAST_AREA * t->of->area)
         return true; /* the edge lies in a bisector: the adjacent triangle has the side */
-    if (!add_area(d, site, area)) return false;
+    if (!add_area(d, site, t->of->stretch * area)) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE) continue;
         const vec3 from = p.corner[k], to = p.corner[k + 1 < p.count ? k + 1 : 0];

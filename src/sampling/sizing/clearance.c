@@ -23,15 +23,6 @@ static const double TILT = 0.58;
  * are found from their own places. Cells of patches are as large as the spacing, which is unrelated to the
  * thickness of parts: there the first step is small, and growth is unlimited. */
 static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
-/* On triangles |F| is the distance: a step has this fraction of it, and the ray ends if |F| exceeds its
- * remaining length. */
-static const double CLEAR = 0.9;
-/* Radius of a ball that touches the surface at the begin of the rays, over their length. A ball of at least
- * 0.6 contains all rays; EMPTY_SHARE of the radius is empty if there is no other wall. */
-static const double EMPTY_RADIUS = 0.65, EMPTY_SHARE = 0.95;
-/* Number of such balls, each with BALL_RATIO times the radius of the one before, the last with EMPTY_RADIUS. Rays
- * skip them, which saves half of the samples. */
-enum { BALLS = 2, BALL_RATIO = 4 };
 /* Newton steps to the surface, and their tolerance in cell sizes. */
 static const int PROJECT_STEPS = 10;
 static const double PROJECT_TOLERANCE = 1e-2;
@@ -56,43 +47,29 @@ static double first_step(const field *f)
 /* The rays from x to one side. */
 typedef struct bundle {
     vec3 x, normal;
-    bool inside;          /* they go into the solid */
-    uint32_t hint;        /* see field_sample_near, for x */
-    vec3 center[BALLS];   /* balls without a wall */
-    double radius[BALLS]; /* 0: unknown */
+    bool inside;   /* they go into the solid */
+    uint32_t hint; /* see field_sample_near, for x */
 } bundle;
-
-/* The distance along the ray from which on it may meet a wall, at least t. */
-static double beyond_balls(const bundle *b, vec3 along, double t)
-{
-    for (int k = 0; k < BALLS; k++) {
-        const vec3 r = vec3_sub(b->center[k], b->x);
-        const double middle = vec3_dot(r, along),
-                     half2 = b->radius[k] * b->radius[k] - vec3_norm2(r) + middle * middle;
-        if (half2 > 0 && fabs(t - middle) < sqrt(half2)) t = middle + sqrt(half2);
-    }
-    return t;
-}
 
 /* Whether a ray meets an opposite wall within `reach`; *end, *normal: where. */
 static bool meet(const field *f, const bundle *b, vec3 along, double reach, vec3 *end, vec3 *normal)
 {
+    if (f->ops->first_crossing) {
+        double distance;
+        if (!f->ops->first_crossing(f, b->x, along, reach, b->hint, &distance, normal)) return false;
+        *end = vec3_axpy(distance, along, b->x);
+        return true;
+    }
     const double growth = (f->patches ? PATCH_GROWTH : GROWTH) - 1,
                  longest = f->patches ? INFINITY : LONGEST * f->cell_size;
-    const bool is_distance = f->ops->sample_patch_lanes != NULL; /* triangles of a mesh */
-    double step = first_step(f), clear = 0;
+    double step = first_step(f);
     uint32_t hint = b->hint;
-    for (double t = step; t < reach + step; t += fmax(step, CLEAR * clear)) {
-        t = beyond_balls(b, along, t);
+    for (double t = step; t < reach + step; t += step) {
         step = fmax(step, fmin(growth * t, longest));
         field_sample s;
         vec3 at = vec3_axpy(t, along, b->x);
         if (!field_sample_near(f, at, FIELD_GRADIENT, &hint, &s)) continue;
-        if ((s.value < 0) == b->inside) {
-            if (is_distance) clear = fabs(s.value);
-            if (clear > reach + step - t) return false;
-            continue;
-        }
+        if ((s.value < 0) == b->inside) continue;
         double slope = vec3_norm(s.gradient);
         if (!(slope > 0)) return false;
         *normal = vec3_scale(s.gradient, 1 / slope);
@@ -120,38 +97,16 @@ static double spacing_at(const field *f, const bundle *b, vec3 along, double rea
     return fmax(needed, least_resolved(f));
 }
 
-/* Finds the balls of a bundle, on its `axis`, a unit vector. Returns whether no ray meets a wall within `reach`:
- * the ball of the rays is empty. Only on triangles, where |F| is the distance. */
-static bool is_clear(const field *f, bundle *b, vec3 axis, double reach)
-{
-    double radius = EMPTY_RADIUS * reach;
-    for (int k = BALLS - 1; k >= 0; k--, radius /= BALL_RATIO) {
-        field_sample s;
-        uint32_t hint = b->hint;
-        b->center[k] = vec3_axpy(radius, axis, b->x);
-        b->radius[k] = 0;
-        if (!f->ops->sample_patch_lanes || !field_sample_near(f, b->center[k], FIELD_GRADIENT, &hint, &s) ||
-            (s.value < 0) != b->inside)
-            continue;
-        if (k == BALLS - 1 && fabs(s.value) >= EMPTY_SHARE * radius) return true;
-        b->radius[k] = CLEAR * fabs(s.value);
-    }
-    return false;
-}
-
-/* The minimum over all rays from x. */
-static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
+/* The minimum over all rays from x. `hint`: of x, see field_sample_near. */
+static double least_spacing(const field *f, vec3 x, vec3 normal, uint32_t hint, double reach)
 {
     vec3 u = vec3_unit(vec3_cross(normal, fabs(normal.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0}));
     vec3 v = vec3_cross(normal, u);
     double least = INFINITY;
-    bundle b = {.x = x, .normal = normal, .hint = FIELD_NO_HINT};
-    field_sample at_x;
-    field_sample_near(f, x, FIELD_GRADIENT, &b.hint, &at_x);
-    for (int side = -1; side <= 1; side += 2) {
+    bundle b = {.x = x, .normal = normal, .hint = hint};
+    for (int side = -1; side <= 1 && least > least_resolved(f); side += 2) {
         vec3 axis = vec3_scale(normal, side);
         b.inside = side < 0;
-        if (is_clear(f, &b, axis, reach)) continue;
         least = fmin(least, spacing_at(f, &b, axis, fmin(reach, RESOLUTION_REACH * least)));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;
@@ -178,9 +133,10 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
         const double area = ((double)part + rng_uniform(&r)) / SAMPLES * job->scan->area;
         vec3 normal, x = surface_point(job->scan, job->scan->area_before, area, &r, NULL);
         job->ratio[k] = INFINITY;
-        if (!projection_find(f, &limits, &x, &normal)) continue;
+        uint32_t hint = FIELD_NO_HINT;
+        if (!projection_find_near(f, &limits, &hint, &x, &normal)) continue;
         double spacing = job->sizing ? sizing_field_spacing(job->sizing, x, NULL) : job->h;
-        job->ratio[k] = least_spacing(f, x, normal, RESOLUTION_REACH * spacing) / spacing;
+        job->ratio[k] = least_spacing(f, x, normal, hint, RESOLUTION_REACH * spacing) / spacing;
     }
 }
 

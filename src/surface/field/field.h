@@ -103,6 +103,12 @@ typedef struct field_ops {
      * that of the wall of the hint, although the other wall is closer. NULL: `sample` is as fast. */
     bool (*sample_near)(const field *f, vec3 x, field_order order, uint32_t *hint, field_sample *out);
 
+    /* The first crossing of the ray from x, a place of the surface, in the direction of the unit vector `along`, at a
+     * distance below `within`: *distance, and the surface's unit normal there. `hint`: of x, as `sample_near` returned
+     * it. False, outputs unchanged: there is none. NULL: crossings follow from samples along the ray. */
+    bool (*first_crossing)(const field *f, vec3 x, vec3 along, double within, uint32_t hint, double *distance,
+                           vec3 *normal);
+
     /* The triangles of cell k, with corners on the surface. Returns their number. Triangles of adjacent cells
      * share whole sides or do not overlap. For such a field `cell` returns a bounding box of the triangles,
      * with values that have no meaning. Required if there are patches. NULL: the surface in a cell follows

@@ -623,6 +623,24 @@ static bool sample_all_near(const field *f, vec3 x, field_order order, uint32_t 
     return true;
 }
 
+static bool find_first_crossing(const field *f, vec3 x, vec3 along, double within, uint32_t hint,
+                                double *distance, vec3 *normal)
+{
+    const mesh_surface *s = (const mesh_surface *)f;
+    const size_t patch = patch_of(s, hint);
+    const ray_crossing own = {0, patch, hint - s->patch[patch].first},
+                       found = triangle_forest_first_crossing(s->trees, x, along, within, &own);
+    if (!(found.distance < INFINITY)) return false;
+    const size_t n = s->patch[found.tree].first + found.triangle;
+    const vec3 place = vec3_axpy(found.distance, along, x);
+    const triangle t = corners_of(s, n);
+    double weight[3];
+    triangle_weights(&t, place, weight);
+    *distance = found.distance;
+    *normal = closest_point_on(s, n, weight, place).normal;
+    return true;
+}
+
 static bool sample_all(const field *f, vec3 x, field_order order, field_sample *out)
 {
     uint32_t hint = FIELD_NO_HINT;
@@ -850,6 +868,7 @@ static const field_ops whole_ops = {.sample = sample_all,
                                     .side = no_side,
                                     .sample_patch_lanes = sample_patch_lanes,
                                     .sample_near = sample_all_near,
+                                    .first_crossing = find_first_crossing,
                                     .cell_triangles = cell_triangles,
                                     .cell_hint = hint_of_cell,
                                     .patch_at = patch_at};

@@ -293,22 +293,28 @@ size_t triangle_tree_find_from(const triangle_tree *n, vec3 p, size_t start, dou
     return weights_of(n, found, p, weight);
 }
 
-/* Source: Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection". */
-static inline void cross_triangle(const triangle *t, vec3 p, vec3 d, line_crossings *out)
+/* Where the line through p in the direction d crosses a triangle; NAN: it does not. *det: -d . normal.
+ * Source: Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection". */
+static inline double crossing_at(const triangle *t, vec3 p, vec3 d, double *det)
 {
     const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a);
     const vec3 q = vec3_cross(d, ac), from = vec3_sub(p, t->a);
-    const double det = vec3_dot(ab, q), u = vec3_dot(from, q) / det;
-    if (!(u >= 0 && u <= 1)) return; /* true also for a parallel triangle */
+    *det = vec3_dot(ab, q);
+    const double u = vec3_dot(from, q) / *det;
+    if (!(u >= 0 && u <= 1)) return NAN; /* true also for a parallel triangle */
     const vec3 r = vec3_cross(from, ab);
-    const double v = vec3_dot(d, r) / det, at = vec3_dot(ac, r) / det;
-    if (!(v >= 0 && u + v <= 1)) return;
-    if (at < 0) {
-        out->behind = fmin(out->behind, -at);
-        return;
-    }
+    const double v = vec3_dot(d, r) / *det;
+    return v >= 0 && u + v <= 1 ? vec3_dot(ac, r) / *det : NAN;
+}
+
+static inline void cross_triangle(const triangle *t, vec3 p, vec3 d, line_crossings *out)
+{
+    double det;
+    const double at = crossing_at(t, p, d, &det);
+    if (at < 0) out->behind = fmin(out->behind, -at);
+    if (!(at >= 0)) return;
     out->ahead = fmin(out->ahead, at);
-    out->winding += det < 0 ? 1 : -1; /* det = -d . normal */
+    out->winding += det < 0 ? 1 : -1;
 }
 
 /* Adds the crossings with the triangles of a tree. */
@@ -471,6 +477,38 @@ line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d)
         for (size_t k = w.first; k < w.end; k++)
             cross(n->tree[n->boxes.order[k]], p, d, TRIANGLE_TREE_NONE, &out);
     return out;
+}
+
+/* Replaces *yet by the first crossing with a tree if that is nearer. */
+static void cross_first(const triangle_forest *n, size_t number, vec3 p, vec3 d, const ray_crossing *skip,
+                        ray_crossing *yet)
+{
+    const triangle_tree *own = n->tree[number];
+    const box_tree *tree = near_tree_of(own);
+    const box_tree_ray ray = box_tree_ray_make(tree, p, d);
+    box_tree_walk w;
+    box_tree_begin_ray(tree, &w, &ray, yet->distance);
+    while (box_tree_next_on_ray(tree, &w, &ray, yet->distance))
+        for (size_t k = w.first; k < w.end; k++) {
+            const triangle t = triangle_of(own->mesh, tree->order[k]);
+            double det;
+            const double at = crossing_at(&t, p, d, &det);
+            if (at >= 0 && at < yet->distance && (tree->order[k] != skip->triangle || number != skip->tree))
+                *yet = (ray_crossing){at, number, tree->order[k]};
+        }
+}
+
+ray_crossing triangle_forest_first_crossing(const triangle_forest *n, vec3 p, vec3 d, double within,
+                                            const ray_crossing *skip)
+{
+    const box_tree_ray ray = box_tree_ray_make(&n->boxes, p, d);
+    ray_crossing found = {within, n->boxes.count, 0};
+    box_tree_walk w;
+    box_tree_begin_ray(&n->boxes, &w, &ray, within);
+    while (box_tree_next_on_ray(&n->boxes, &w, &ray, found.distance))
+        for (size_t k = w.first; k < w.end; k++) cross_first(n, n->boxes.order[k], p, d, skip, &found);
+    if (found.tree == n->boxes.count) found.distance = INFINITY;
+    return found;
 }
 
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest)

@@ -86,6 +86,17 @@ line_crossings triangle_forest_cross(const triangle_forest *n, vec3 p, vec3 d);
  * tree has a closer triangle, or is earlier at the same distance. */
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest);
 
+/* The nearest crossing of a ray with triangles. */
+typedef struct ray_crossing {
+    double distance; /* INFINITY: there is none */
+    size_t tree, triangle;
+} ray_crossing;
+
+/* The nearest crossing, at a distance below `within`, of the ray from p in the direction of the unit vector d with all
+ * triangles except triangle skip->triangle of skip->tree. */
+ray_crossing triangle_forest_first_crossing(const triangle_forest *n, vec3 p, vec3 d, double within,
+                                            const ray_crossing *skip);
+
 /* triangle_tree_visit_near over all trees. */
 void triangle_forest_visit_near(const triangle_forest *n, vec3 p, double distance2,
                                 triangle_tree_visitor *visit, void *context);
