@@ -908,7 +908,7 @@ export type JobSpec = {
     /**
      * Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x,
      * orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest turn. An
-     * object with one of the members below: after a turn about +z, the twist.
+     * object can add a turn about +z before it, the twist, and replace the normal by the direction up.
      */
     orient?: boolean | {
       /**
@@ -921,6 +921,11 @@ export type JobSpec = {
        * point of a coherent sequence).
        */
       seed?: number;
+      /**
+       * The direction to which +z turns at every point, in place of the normal: [0, 0, 1] or [0, 1, 0] for
+       * trees that grow straight up on a slope. Normals, if they are written, stay those of the surface.
+       */
+      up?: number[];
     };
     /** Options of points.ply. */
     ply?: {
@@ -2076,7 +2081,7 @@ export type AnsweredSpec = {
     /**
      * Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x,
      * orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest turn. An
-     * object with one of the members below: after a turn about +z, the twist.
+     * object can add a turn about +z before it, the twist, and replace the normal by the direction up.
      */
     orient?: boolean | {
       /**
@@ -2089,6 +2094,11 @@ export type AnsweredSpec = {
        * point of a coherent sequence).
        */
       seed?: number;
+      /**
+       * The direction to which +z turns at every point, in place of the normal: [0, 0, 1] or [0, 1, 0] for
+       * trees that grow straight up on a slope. Normals, if they are written, stay those of the surface.
+       */
+      up?: number[];
     };
     /** Options of points.ply. */
     ply?: {

@@ -7,6 +7,7 @@
 
 #include "base/core/memory.h"
 #include "client/print.h"
+#include "client/progress_bar.h"
 
 char *command_job_path(const char *id, const char *rest)
 {
@@ -19,11 +20,21 @@ char *command_job_path(const char *id, const char *rest)
 
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document)
 {
+    return command_ask_showing(c, method, path, body, NULL, document);
+}
+
+int command_ask_showing(client *c, const char *method, const char *path, const char *body, const char *text,
+                        json **document)
+{
     error e = {0};
     client_reply reply = {0};
     int code = COMMAND_OK;
-    if (!client_call(c, method, path, body, body ? strlen(body) : 0, &reply, &e))
-        return print_unreachable(&e);
+    progress_bar bar;
+    progress_bar_init(&bar);
+    if (text) progress_bar_show_text(&bar, text);
+    const bool answered = client_call(c, method, path, body, body ? strlen(body) : 0, &reply, &e);
+    progress_bar_clear(&bar);
+    if (!answered) return print_unreachable(&e);
     if (reply.status >= 300) {
         code = print_refused(&reply);
     } else {

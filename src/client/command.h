@@ -86,6 +86,9 @@ char *command_job_path(const char *id, const char *rest);
 /* Sends a request. Returns an exit code, after printing the reason of a refusal. On success *document is the
  * document of the reply, which the caller frees, or NULL. */
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document);
+/* The same; on a terminal, `text` is shown on standard error until the answer comes. */
+int command_ask_showing(client *c, const char *method, const char *path, const char *body, const char *text,
+                        json **document);
 
 /* Maximum number of entries of a page that is requested. */
 #define COMMAND_PAGE_MOST 500

@@ -58,10 +58,10 @@ static void print_sending(const char *path, uint64_t bytes, bool known)
     terminal_text_put(stderr, path);
     if (known)
         fputs(": the service has this file\n", stderr);
-    else if (bytes < 1000000)
-        fprintf(stderr, ": sending %.0f kB\n", ceil((double)bytes / 1e3));
+    else if (bytes < 1 << 20)
+        fprintf(stderr, ": sending %.0f KiB\n", ceil((double)bytes / (1 << 10)));
     else
-        fprintf(stderr, ": sending %.1f MB\n", (double)bytes / 1e6);
+        fprintf(stderr, ": sending %.1f MiB\n", (double)bytes / (1 << 20));
 }
 
 /* Sends the file, or only its name if the service has it. *in_spec is its path in a spec; the caller frees it. */

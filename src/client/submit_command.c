@@ -430,14 +430,16 @@ int command_inspect(client *c, const char *argument, const command_options *opti
 {
     json *asked = json_new_object(), *document = NULL;
     json_put_string(asked, "path", argument);
-    char *body = json_print(asked);
-    int code = command_ask(c, "POST", "/v1/inputs:inspect", body, &document);
+    char *body = json_print(asked),
+         *doing = mem_printf("inspecting %s: the service reads all of it", argument);
+    int code = command_ask_showing(c, "POST", "/v1/inputs:inspect", body, doing, &document);
     json_at root = json_root(document);
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
         print_page(json_string(json_member(&root, "text"), ""));
     free(body);
+    free(doing);
     json_free(asked);
     json_free(document);
     return code;

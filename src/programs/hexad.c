@@ -316,13 +316,18 @@ static void fini_roots(service *s)
     store_roots_close(s->roots);
 }
 
-/* Opens an address of the setting `listen`; "unix:" is the default socket. */
-static bool open_socket(service *s, const char *given, error *e)
+/* An address of the setting `listen`; "unix:" is the default socket. The caller frees it. */
+static char *address_of(const char *given, const char *state_dir)
 {
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
-    char *where = strcmp(given, "unix:") != 0
-                      ? mem_strdup(given)
-                      : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
+    return strcmp(given, "unix:") != 0
+               ? mem_strdup(given)
+               : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : state_dir);
+}
+
+static bool open_socket(service *s, const char *given, error *e)
+{
+    char *where = address_of(given, s->state_dir);
     bool ok = listen_open(where, config_shares_socket(&s->settings), &s->sockets[s->socket_count], e);
     s->socket_count += ok;
     free(where);
@@ -367,24 +372,24 @@ static listen_reach reach_of(const service *s)
     return widest;
 }
 
-/* Refuses sockets whose callers could not be identified. */
-static bool check_reach(const service *s, const char *token_file, error *e)
+static bool check_open_tcp(const config *c, error *e)
 {
-    const listen_reach reach = reach_of(s);
-    bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
-    if (!open && *s->settings.tcp_without_tokens)
-        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: must be empty or " OPEN_TCP);
-    if (reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
-    size_t k = 0;
-    while (s->sockets[k].reach != reach) k++;
-    const char *where = s->sockets[k].where;
+    return !*c->tcp_without_tokens || strcmp(c->tcp_without_tokens, OPEN_TCP) == 0 ||
+           error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: must be empty or " OPEN_TCP);
+}
+
+/* Refuses an address whose callers could not be identified. */
+static bool check_reach(const config *c, listen_reach reach, const char *where, access_control *a,
+                        const char *token_file, error *e)
+{
+    if (reach == LISTEN_UNIX || access_has_tokens(a)) return true;
     if (reach == LISTEN_NETWORK)
         return error_set(e, ERROR_SPEC_INVALID,
                          "listen %s: other machines can reach this address and the token file %s has no "
                          "tokens (setting token_file): run `hexadctl token add USER --file %s`, or listen on "
                          "unix:/path",
                          where, token_file, token_file);
-    return open ||
+    return *c->tcp_without_tokens ||
            error_set(e, ERROR_SPEC_INVALID,
                      "listen %s: every user of this machine can reach this address and the token file %s "
                      "has no tokens (setting token_file): run `hexadctl token add USER --file %s`, listen "
@@ -392,21 +397,30 @@ static bool check_reach(const service *s, const char *token_file, error *e)
                      where, token_file, token_file);
 }
 
+/* The first socket of the widest reach. */
+static bool check_sockets(const service *s, const char *token_file, error *e)
+{
+    const listen_reach reach = reach_of(s);
+    size_t k = 0;
+    while (s->sockets[k].reach != reach) k++;
+    return check_reach(&s->settings, reach, s->sockets[k].where, s->access, token_file, e);
+}
+
 /* The path of the token file, which the caller frees: the setting, otherwise a file in the configuration
  * directory of the unit, otherwise in the state directory. */
-static char *token_file_of(const service *s)
+static char *token_file_of(const config *c, const char *state_dir)
 {
     const char *directory =
         getenv("CONFIGURATION_DIRECTORY"); /* set by the unit; a drop-in may have added directories */
-    if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
-    if (!directory || !*directory) return mem_printf("%s/tokens", s->state_dir);
+    if (*c->token_file) return mem_strdup(c->token_file);
+    if (!directory || !*directory) return mem_printf("%s/tokens", state_dir);
     return mem_printf("%.*s/tokens", (int)strcspn(directory, ":"), directory);
 }
 
 static bool init_access(service *s, error *e)
 {
     const config *c = &s->settings;
-    char *file = token_file_of(s);
+    char *file = token_file_of(c, s->state_dir);
     char *key_file = c->page ? mem_printf("%s/session.key", s->state_dir) : NULL;
     access_settings settings = {
         .users = admission_names(&c->unix_users),
@@ -418,8 +432,8 @@ static bool init_access(service *s, error *e)
         .running = queue_running(s->q),
         .open_tcp = reach_of(s) == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
-    s->access = access_open(&settings, e);
-    bool ok = s->access && check_reach(s, file, e);
+    s->access = check_open_tcp(c, e) ? access_open(&settings, e) : NULL;
+    bool ok = s->access && check_sockets(s, file, e);
     if (!ok) access_close(s->access);
     free(file);
     free(key_file);
@@ -1125,6 +1139,24 @@ static bool opens_inputs(const config_list *inputs)
     return all;
 }
 
+/* Whether the addresses may be served with the tokens that there are. */
+static bool may_serve(const config *c, error *e)
+{
+    char *file = token_file_of(c, c->state_dir);
+    const access_settings settings = {.token_file = file};
+    access_control *tokens = access_open(&settings, e);
+    bool ok = tokens != NULL;
+    for (size_t k = 0; ok && k < c->listen.count; k++) {
+        char *where = address_of(c->listen.item[k], c->state_dir);
+        listen_reach reach;
+        ok = listen_find_reach(where, &reach, e) && check_reach(c, reach, where, tokens, file, e);
+        free(where);
+    }
+    access_close(tokens);
+    free(file);
+    return ok;
+}
+
 static void warn_of_roots(const service *s)
 {
     const config_list *inputs = &s->settings.input_roots;
@@ -1137,6 +1169,18 @@ static void warn_of_roots(const service *s)
             warn("output_roots", e.message);
         if (fd >= 0) close(fd);
     }
+}
+
+static bool check_addresses(const config *c, error *e)
+{
+    listen_reach reach;
+    for (size_t k = 0; k < c->listen.count; k++) {
+        char *where = address_of(c->listen.item[k], c->state_dir);
+        const bool ok = listen_find_reach(where, &reach, e);
+        free(where);
+        if (!ok) return false;
+    }
+    return true;
 }
 
 /* Reads all values that a start reads after the file. The caller frees the output roots. */
@@ -1159,6 +1203,7 @@ static bool read_values(service *s, error *e)
     fini_mappings(s);
     if (!init_network(s, e)) return false;
     fini_network(s);
+    if (!check_open_tcp(c, e) || !check_addresses(c, e)) return false;
     return config_find_worker(&s->settings, e) && read_outputs(s, e);
 }
 
@@ -1182,7 +1227,7 @@ static int check_settings(service *s)
     warn_of_roots(s);
     free_output_roots(s);
     fflush(stderr);
-    bool starts = may_use_state(c->state_dir, &e);
+    bool starts = may_use_state(c->state_dir, &e) && may_serve(c, &e);
     if (!starts) terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
     if (!opens_inputs(&c->input_roots) || !starts) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
     if (c->file)

@@ -436,6 +436,10 @@ static void check_orient(reading *r, const json_at *at)
 {
     if (is_given(at, "twist") && is_given(at, "seed"))
         reading_add_fault(r, at, "may have at most one of twist, seed (given both): remove one of them");
+    json_at up = json_member(at, "up");
+    const spec_orient *o = reading_target(r, offsetof(spec, orient));
+    if (o->has_up && !(vec3_norm2(o->up) > 0))
+        reading_add_fault(r, &up, "is zero: give a direction, such as [0, 0, 1]");
 }
 
 /* Checks that a path can be written between @ or @@@ in a USD text file. */

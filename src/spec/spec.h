@@ -213,6 +213,8 @@ typedef struct spec_orient {
     char *twist; /* attribute that is an angle or a vector; NULL: none */
     bool has_seed;
     uint64_t seed; /* seed of random angles */
+    bool has_up;
+    vec3 up; /* the direction to which +z turns in place of the normal; any length but 0 */
 } spec_orient;
 
 typedef struct spec_instancer {

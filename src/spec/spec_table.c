@@ -1615,7 +1615,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x, "
          "orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest "
-         "turn. An object with one of the members below: after a turn about +z, the twist."},
+         "turn. An object can add a turn about +z before it, the twist, and replace the normal by the direction up."},
     {.pointer = MEMBER("/output/orient", "twist"),
      .title = "Attribute of the twist",
      .type = SPEC_TYPE_STRING,
@@ -1634,6 +1634,15 @@ const spec_row spec_rows[] = {
      .prose =
          "The twist is a random angle, computed from this seed and the id of the point (its row, unless it is "
          "a point of a coherent sequence)."},
+    {.pointer = MEMBER("/output/orient", "up"),
+     .title = "Fixed direction",
+     .type = SPEC_TYPE_VECTOR,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT_HAS(orient.up, orient.has_up),
+     .prose =
+         "The direction to which +z turns at every point, in place of the normal: [0, 0, 1] or [0, 1, 0] for trees that "
+         "grow straight up on a slope. Normals, if they are written, stay those of the surface."},
     GROUP("/output", "ply", 0, "Options of points.ply."),
     {.pointer = MEMBER("/output/ply", "format"),
      .title = "Encoding",

@@ -68,9 +68,10 @@ is_upgraded() {
         ! dpkg-query -W -f '${Version}\n' hexad | grep earlier && dpkg -S /usr/bin/hexad-worker | grep '^hexad-worker:'
 }
 
+# "command -v" would print the path of a program that this shell has run, also when it is gone.
 # A host of a farm has the worker alone, and none of the libraries that only the daemon needs.
 works_without_the_daemon() {
-    apt-mark manual hexad-worker && apt-get remove -y hexad && apt-get autoremove -y && ! command -v hexad &&
+    apt-mark manual hexad-worker && apt-get remove -y hexad && apt-get autoremove -y && ! test -e /usr/bin/hexad &&
         spec 2 500 "" | hexad-worker run - --output worker && test -s worker/points.ply && hexad-node --version &&
         ! dpkg-query -W -f '${Depends}\n' hexad-worker | grep -E 'microhttpd|sqlite|curl|systemd|inih' &&
         ! ldd /usr/bin/hexad-worker /usr/bin/hexad-node | grep -E 'microhttpd|sqlite|curl|systemd|inih' &&
@@ -79,7 +80,7 @@ works_without_the_daemon() {
 
 is_removed() {
     apt-get remove -y hexad hexad-client && ! systemctl is-active hexad.service && ! systemctl is-active hexad.socket &&
-        ! command -v hexad && test -f /etc/hexad.conf && test -f /var/lib/hexad/queue.db
+        ! test -e /usr/bin/hexad && test -f /etc/hexad.conf && test -f /var/lib/hexad/queue.db
 }
 comes_back() {
     install /srv/new/*.deb && hexadctl list | tee list && [ "$(grep -c . list)" -ge 15 ] && grep -q '^drain_s = 1' /etc/hexad.conf

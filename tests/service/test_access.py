@@ -256,6 +256,22 @@ def test_a_token_file_that_cannot_be_read_is_in_readyz_and_in_the_log(closed_ser
     assert state() == (200, "ok", 0)
 
 
+@pytest.mark.parametrize("address, users, strict", [("127.0.0.1:0", "every user of this machine", 1), ("0.0.0.0:0", "other machines", 1),
+                                                    ("unix:", None, 0), ("127.0.0.1:port", None, 2), ("unix:beside", None, 2)])
+def test_a_check_of_settings_finds_ports_that_are_refused(build, tmp_path, address, users, strict):
+    """As a start: with a token, the port is allowed."""
+    where = ("--listen", address, "--state_dir", tmp_path)
+    for words, status in ((), 2 if strict == 2 else 0), (("--strict",), strict):
+        tried = run_hexad(build, *where, "--check-settings", *words)
+        assert tried.returncode == status, tried
+        if users:
+            assert tried.stdout.startswith(f"hexad would not start: listen {address}: {users}") and f"{tmp_path}/tokens has no tokens" in tried.stdout
+    assert run_hexad(build, *where, "--check-settings", "--tcp_without_tokens", "yes").returncode == 2
+    if users:
+        subprocess.run([build / "hexadctl", "token", "add", "alice", "--file", tmp_path / "tokens"], check=True, stdout=subprocess.DEVNULL)
+        assert run_hexad(build, *where, "--check-settings", "--strict").returncode == 0
+
+
 def test_ports_that_are_refused(build, tmp_path):
     state = tmp_path / "state"
     tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)

@@ -236,6 +236,17 @@ def test_a_bar_on_a_terminal(service, build, tmp_path):
         os.close(master)
 
 
+def test_an_inspection_says_so_on_a_terminal(service, build, run):
+    """The line is removed before the answer; elsewhere there is none."""
+    master, slave = pty.openpty()
+    done = subprocess.run([build / "hexadctl", "inspect", "none.obj"], stdout=subprocess.PIPE, stderr=slave, env=service.environment(), timeout=PATIENCE_S)
+    os.close(slave)
+    told = read_some(master)
+    os.close(master)
+    assert done.returncode != 0 and told.startswith(b"\r\x1b[Kinspecting none.obj: the service reads all of it\r\x1b[K"), told
+    assert "inspecting" not in run("inspect", "none.obj").stderr
+
+
 def test_cancel(run, tmp_path, service):
     job = run("submit", write(tmp_path, long_sphere())).stdout.strip()
     service.wait_worker(job)

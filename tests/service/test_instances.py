@@ -206,6 +206,27 @@ def test_a_twist_comes_from_a_seed_or_an_attribute(run, fields):
             assert numpy.abs(turned(orient_of(columns), x) - along).max() < 1e-6
 
 
+def test_up_replaces_the_normal(run, fields):
+    """At every point, also for a direction along -z, with all twists; the normals stay."""
+    z, x = numpy.array([0, 0, 1.0]), numpy.array([1.0, 0, 0])
+    _, plain = run(job(), "plain")
+    for number, (up, twist) in enumerate([([0, 1, 0], {}), ([0, 0, -2], {}), ([3, -4, 12], {"seed": 1}), ([0, 2, 0], {"twist": "along"})]):
+        axis = numpy.array(up) / numpy.linalg.norm(up)
+        spec = job(orient={"up": up, **twist}, points_usda=True, usd={"instancer": {"prototype": "tree.usda"}})
+        spec["attributes"] = fields
+        where, columns = run(spec, f"up{number}")
+        orient = orient_of(columns)
+        assert numpy.abs(turned(orient, z) - axis).max() < 1e-14
+        assert (stack(columns, "nx", "ny", "nz") == stack(plain, "nx", "ny", "nz")).all()
+        assert (len(numpy.unique(orient, axis=0)) == 1) == (not twist)
+        prim = Usda((where / "points.usda").read_text()).prims["/points"]
+        assert (numpy.array(prim["attributes"]["orientationsf"][1], "f4") == orient[:, [3, 0, 1, 2]].astype("f4")).all()
+        if "twist" in twist:
+            along = stack(columns, "along_x", "along_y", "along_z") * [1, 0, 1]  # the part across `up`
+            length = numpy.linalg.norm(along, axis=1)
+            assert numpy.abs(turned(orient, x) * length[:, None] - along)[length > 0.01].max() < 1e-5
+
+
 @pytest.mark.sanitized
 def test_points_of_usd_are_instances(run):
     """Far from the origin, with the order of all outputs."""
@@ -298,6 +319,8 @@ def instancer(**members):
                                     'and add it to /attributes'),
     ({"orient": {"twist": "a", "seed": 1}}, "/output/orient: may have at most one of twist, seed (given both): "),
     ({"orient": {"seed": -1}}, "/output/orient/seed: must be an integer from 0"),
+    ({"orient": {"up": [0, 0, 0]}}, "/output/orient/up: is zero: give a direction"),
+    ({"orient": {"up": "y"}}, "/output/orient/up: "),
     ({"orient": 3}, "/output/orient: "),
     (instancer(prototype="a.usd"), "/output/usd/instancer: requires points_usda: true"),
     (instancer() | USD, "/output/usd/instancer/prototype: is required"),

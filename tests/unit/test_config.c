@@ -103,6 +103,31 @@ static void test_options_take_precedence_over_the_file(void **state)
     config_clear(&c);
 }
 
+/* Powers of 1024; only of sizes, and only if the result is a whole number of the setting's unit. */
+static void test_sizes_may_have_a_unit(void **state)
+{
+    (void)state;
+    write_file("host_memory_mb = 3G\nfile_mb = 2048K\nupload_limit_bytes = 1T\nbody_limit_bytes = 64K\n"
+               "free_space_mb = 300M\nreserve_mb = 20\n");
+    char *argv[] = {"hexad", "--config", path, "--answer_total_bytes=1M"};
+    config c = parse(COUNT(argv), argv);
+    assert_int_equal(c.host_memory_mb, 3 * 1024);
+    assert_int_equal(c.file_mb, 2);
+    assert_int_equal(c.upload_limit_bytes, INT64_C(1) << 40);
+    assert_int_equal(c.body_limit_bytes, 65536);
+    assert_int_equal(c.free_space_mb, 300);
+    assert_int_equal(c.reserve_mb, 20);
+    assert_int_equal(c.answer_total_bytes, 1 << 20);
+    config_clear(&c);
+    expect_file_fault("file_mb = 1025K\n", "K, M, G or T, such as 2G for 2 GiB (given \"1025K\")");
+    expect_file_fault("body_limit_bytes = 2G\n",
+                      "body_limit_bytes: must be a whole number from 1 to 1073741824 bytes, or");
+    expect_file_fault("file_mb = 2GB\n", "(given \"2GB\")");
+    expect_file_fault("file_mb = G\n", "(given \"G\")");
+    expect_file_fault("workers = 2K\n", "(given \"2K\")");
+    expect_file_fault("drain_s = 2K\n", "(given \"2K\")");
+}
+
 /* Each setting is distinguished from all others: none is reported as given twice. */
 static void test_all_settings_at_once(void **state)
 {
@@ -226,6 +251,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_defaults),
         cmocka_unit_test(test_options_take_precedence_over_the_file),
+        cmocka_unit_test(test_sizes_may_have_a_unit),
         cmocka_unit_test(test_all_settings_at_once),
         cmocka_unit_test(test_faults_of_the_file_name_the_line),
         cmocka_unit_test(test_faults_of_the_command_line),

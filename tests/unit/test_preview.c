@@ -187,13 +187,13 @@ static void test_up_axis_y_equals_a_rotated_set(void **state)
 }
 
 /* Points that do not resolve the surface have discs of half the size. */
-static void test_unresolved_discs_are_smaller(void **state)
+static void test_discs_of_thin_walls_are_smaller(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
     preview_options options = {.width = 300, .height = 300, .color = {.which = QUANTITY_CURVATURE}};
     image *whole = render_options(&s.points, &options, 1);
-    options.unresolved = true;
+    options.thin = true;
     image *loose = render_options(&s.points, &options, 1);
     assert_true(count_covered(loose) < count_covered(whole) * 3 / 4);
     preview_free(whole);
@@ -696,7 +696,7 @@ static size_t ink(int side, const char *title, const char *note)
 static void test_texts_of_a_legend_stand_side_by_side(void **state)
 {
     (void)state;
-    static const char title[] = "curvature", note[] = "1000000, not resolved";
+    static const char title[] = "curvature", note[] = "1000000, thin walls";
     for (int side = 320; side <= 1024; side += 64) {
         size_t none = ink(side, "", "");
         assert_int_equal(ink(side, title, note) - none,
@@ -792,7 +792,7 @@ int main(void)
         cmocka_unit_test(test_pixels_are_the_discs),
         cmocka_unit_test(test_points_behind_the_camera_are_not_drawn),
         cmocka_unit_test(test_up_axis_y_equals_a_rotated_set),
-        cmocka_unit_test(test_unresolved_discs_are_smaller),
+        cmocka_unit_test(test_discs_of_thin_walls_are_smaller),
         cmocka_unit_test(test_large_discs_show_the_packing_and_small_ones_grow_together),
         cmocka_unit_test(test_turntables),
         cmocka_unit_test(test_every_quantity_is_shown),

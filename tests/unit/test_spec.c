@@ -880,7 +880,7 @@ static void test_faults(void **state)
     expect_fault("{\"output\":{\"orient\":\"up\"}}", invalid, "/output/orient",
                  "must be true, false or an object such as {\"twist\": \"up\"} (given \"up\")");
     expect_fault("{\"output\":{\"orient\":null}}", invalid, "/output/orient",
-                 "must be true, false or an object; its members are twist, seed (given null)");
+                 "must be true, false or an object; its members are twist, seed, up (given null)");
     expect_fault("{\"sampling\":1000}", invalid, "/sampling", "(given 1000)");
     expect_fault("{}", invalid, "/version", "is required and must be 1");
     expect_fault("{}", invalid, "/surface", "is required and must be an object");

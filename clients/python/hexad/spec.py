@@ -1071,6 +1071,7 @@ class AttributesItem(_AttributesItemRest):
 class _OutputOrientRest(TypedDict, total=False):
     twist: str
     seed: int
+    up: Sequence[float]
 
 
 class OutputOrient(_OutputOrientRest):
@@ -1080,6 +1081,8 @@ class OutputOrient(_OutputOrientRest):
         vector is the direction to which +x turns, as far as it is tangential.
     seed: The twist is a random angle, computed from this seed and the id of the point (its row, unless it is
         a point of a coherent sequence).
+    up: The direction to which +z turns at every point, in place of the normal: [0, 0, 1] or [0, 1, 0] for
+        trees that grow straight up on a slope. Normals, if they are written, stay those of the surface.
     """
 
 
@@ -1238,7 +1241,7 @@ class Output(_OutputRest):
         requires queue.coherent. Default: the order of the solver, which may differ from version to version.
     orient: Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x,
         orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest turn. An
-        object with one of the members below: after a turn about +z, the twist.
+        object can add a turn about +z before it, the twist, and replace the normal by the direction up.
     ply: Options of points.ply.
     preview: preview.png and preview.exr. false: they are not written. true or an object: they are,
         preview.exr unless preview_exr is false; the object has the members below.

@@ -24,7 +24,7 @@ enum { POINTS_GRAIN = 4096 };
  * the gap between three; the body is larger, for packings that are not ideal. */
 static const double disc_share = 0.47, body_share = 0.70;
 /* Factor of all radii if the points do not resolve the surface: opposite walls are closer than neighbours. */
-static const double unresolved_scale = 0.5;
+static const double thin_scale = 0.5;
 
 /* Radii in pixels: between merge_pixels and single_pixels discs change from covering everything to separate
  * discs; from ring_from_pixels they have an outline, which would be noise on smaller discs. */
@@ -666,7 +666,7 @@ static bool render(const points *set, const preview_options *options, const came
     char note[48];
     m->camera = *from;
     m->up = camera_direction(from, options->y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1));
-    m->scale_of_discs = options->unresolved ? unresolved_scale : 1;
+    m->scale_of_discs = options->thin ? thin_scale : 1;
     m->radius_max = b.radius_max;
     m->extent = b.extent;
     m->far = from->parallel ? depth_beyond(set, from, b.radius_max) : 0;
@@ -674,7 +674,7 @@ static bool render(const points *set, const preview_options *options, const came
         preview_free(m);
         return false;
     }
-    snprintf(note, sizeof note, "%zu%s", set->count, options->unresolved ? ", not resolved" : " points");
+    snprintf(note, sizeof note, "%zu%s", set->count, options->thin ? ", thin walls" : " points");
     legend_draw(m->rgb, m->width, m->height, quantity_has_scale(look->which) ? &m->scale : NULL,
                 quantity_title(look), note);
     *out = m;

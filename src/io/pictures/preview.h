@@ -35,7 +35,7 @@ typedef struct preview_options {
     const camera_place *camera; /* NULL: a camera that shows the whole set */
     bool y_up;                  /* y, not z, points up */
     /* Discs would cover each other: they are drawn smaller, and the legend has the reason. */
-    bool unresolved;
+    bool thin;
 } preview_options;
 
 typedef struct image {

@@ -44,12 +44,13 @@ static double random_angle(uint64_t seed, uint64_t id)
     return 2 * M_PI * rng_uniform(&r);
 }
 
-static double twist_of(const spec *s, const points *set, const point_attribute *a, size_t i)
+/* `axis`: the unit vector to which +z turns. */
+static double twist_of(const spec *s, const points *set, const point_attribute *a, vec3 axis, size_t i)
 {
     if (a && a->components == 1) return a->values[i];
     if (a)
         return quaternion_twist_along(
-            set->normal[i], vec3_make(a->values[3 * i], a->values[3 * i + 1], a->values[3 * i + 2]));
+            axis, vec3_make(a->values[3 * i], a->values[3 * i + 1], a->values[3 * i + 2]));
     return s->orient.has_seed ? random_angle(s->orient.seed, set->id ? set->id[i] : i) : 0;
 }
 
@@ -69,8 +70,11 @@ bool instances_make(const spec *s, const points *set, instances *out, error *e)
     const point_attribute *twist = find(set, s->orient.twist), *scale = find(set, s->instancer.scale);
     out->orient = mem_array(set->count, 4 * sizeof *out->orient, what, e);
     if (!out->orient) return false;
-    for (size_t i = 0; i < set->count; i++)
-        quaternion_of_normal(set->normal[i], twist_of(s, set, twist, i), out->orient + 4 * i);
+    const vec3 up = vec3_unit(s->orient.up);
+    for (size_t i = 0; i < set->count; i++) {
+        const vec3 axis = s->orient.has_up ? up : set->normal[i];
+        quaternion_of_normal(axis, twist_of(s, set, twist, axis, i), out->orient + 4 * i);
+    }
     if (!s->has_instancer) return true;
     out->scale = mem_array(set->count, 3 * sizeof *out->scale, what, e);
     if (!out->scale) return false;

@@ -188,9 +188,9 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
     return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
-/* From this fraction of unresolved points, the discs of a picture are smaller, so that overlaps are
- * visible. */
-static const double UNRESOLVED_PICTURE = 0.25;
+/* From this fraction of points on walls thinner than the spacing, the discs of a picture are smaller, so that
+ * overlaps are visible. */
+static const double THIN_PICTURE = 0.25;
 /* Default distances over which curvature is averaged: for amplitudes, in mean spacings; for a sizing field,
  * in local spacings. Amplitudes that vary over shorter distances cannot be met by any packing: on meshes with
  * creases energy_excess is 0.08 with one spacing and 0.04 with two. */
@@ -788,7 +788,7 @@ bool job_write_points(job *j, error *e)
     if (mesh_projection_find_distance(&j->source, &l)) in.field = &l.base;
     if (j->source.turned && !turn_points(&j->source, &j->given, &set, &turned, e)) return false;
     in.y_up = upright_y(j->spec, &set);
-    in.unresolved = (double)s->measures.thin_count > UNRESOLVED_PICTURE * (double)p->count;
+    in.thin = (double)s->measures.thin_count > THIN_PICTURE * (double)p->count;
     in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
     j->attributes.kept = j->given.kept;
     if (!job_weigh(j, s, e)) {

@@ -99,7 +99,7 @@ bool pictures_write_preview(const char *directory, const results_input *in, cons
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
     preview_options options = {s->preview_width, s->preview_height, *look, s->has_camera ? &place : NULL,
-                               in->y_up,         in->unresolved};
+                               in->y_up,         in->thin};
     image *picture;
     double *values = NULL;
     if ((s->preview_attribute && !show_attribute(set, s->preview_attribute, &options.color, &values, e)) ||

@@ -30,7 +30,7 @@ typedef struct results_input {
     const scene_instancer *instancer; /* of points.usda; set by the delivery */
     int frame;                        /* number of the frame in a sequence */
     bool y_up;                        /* y, not z, points up in pictures and scenes */
-    bool unresolved;                  /* many points lie on walls thinner than the spacing */
+    bool thin;                        /* many points lie on walls thinner than the spacing */
     double h;                         /* spacing of the ideal packing, world units */
     const solver_sweep *sweeps;       /* at least one */
     size_t sweep_count;

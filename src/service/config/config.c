@@ -37,14 +37,36 @@ static bool bad(error *e, const config_row *row, const char *value, const char *
     return error_set(e, ERROR_SPEC_INVALID, "%s: must be %s (given \"%s\")", row->key, expected, value);
 }
 
+/* In bytes; 0: the setting is no size. */
+static double size_of_unit(const config_row *row)
+{
+    const char *unit = row->unit ? row->unit : "";
+    return strcmp(unit, "bytes") == 0 ? 1 : strcmp(unit, "MiB") == 0 ? 1 << 20 : 0;
+}
+
+/* Reads K, M, G or T after a size, and converts the number to the unit of the setting. */
+static void take_prefix(const config_row *row, double *number, char **end)
+{
+    static const char prefixes[] = "KMGT";
+    const char *found = **end ? strchr(prefixes, **end) : NULL;
+    const double converted = found && size_of_unit(row) > 0
+                                 ? ldexp(*number, 10 * (int)(found - prefixes + 1)) / size_of_unit(row)
+                                 : NAN;
+    if (converted != floor(converted)) return;
+    *number = converted;
+    (*end)++;
+}
+
 static bool set_number(const config_row *row, const char *value, void *at, error *e)
 {
-    char expected[96], *end = NULL;
+    char expected[160], *end = NULL;
     bool whole = row->type == CONFIG_INTEGER;
-    snprintf(expected, sizeof expected, "%sa%s number from %.10g to %.10g%s%s", row->or_zero ? "0 or " : "",
-             whole ? " whole" : "", row->low, row->high, row->unit ? " " : "", row->unit ? row->unit : "");
+    snprintf(expected, sizeof expected, "%sa%s number from %.10g to %.10g%s%s%s", row->or_zero ? "0 or " : "",
+             whole ? " whole" : "", row->low, row->high, row->unit ? " " : "", row->unit ? row->unit : "",
+             size_of_unit(row) > 0 ? ", or have the unit K, M, G or T, such as 2G for 2 GiB" : "");
     errno = 0;
     double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
+    if (end != value) take_prefix(row, &number, &end);
     if (errno || end == value || *end || !isfinite(number) || number > row->high ||
         (number < row->low && !(row->or_zero && number == 0)))
         return bad(e, row, value, expected);
@@ -579,7 +601,8 @@ void config_print_help(FILE *file)
         "                   directories that do not exist, or that the user of this command cannot use,\n"
         "                   and of a state directory that other users can write to: run it as the user of\n"
         "                   the service. It says if hexad would not start, although the settings are\n"
-        "                   right. It does not open ports, and does not read tokens or the database\n"
+        "                   right, for example with a port and without any token. It does not open ports, and\n"
+        "                   does not read the database\n"
         "  --strict         with --check-settings: ends with 1 if hexad would not start\n"
         "  --print-config   prints a sample of the settings file\n"
         "  --help           prints this text\n"
@@ -591,7 +614,8 @@ void config_print_help(FILE *file)
         "hexad would not start.\n"
         "With --allow, --deny and --open-port: 0 done, 1 failure, 2 a name that does not exist or bad settings.\n"
         "\n"
-        "Settings, as options and as keys of the file; options take precedence:\n",
+        "Settings, as options and as keys of the file; options take precedence. A size in bytes or MiB\n"
+        "may be given with K, M, G or T, the powers of 1024: 16G\n",
         file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
@@ -603,9 +627,11 @@ void config_print_help(FILE *file)
 
 void config_print_sample(FILE *file)
 {
-    fputs("# Settings of hexad. Lines that are commented out show the defaults.\n"
-          "# Made by `hexad --print-config`.\n",
-          file);
+    fputs(
+        "# Settings of hexad. Lines that are commented out show the defaults. A size in bytes or MiB may be given\n"
+        "# with K, M, G or T, the powers of 1024: 16G\n"
+        "# Made by `hexad --print-config`.\n",
+        file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fputc('\n', file);

@@ -98,36 +98,38 @@ static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t si
     return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
 }
 
-static bool open_tcp(const char *where, listen_socket *s, error *e)
+/* Finds the addresses of HOST:PORT. The caller frees them. */
+static bool resolve(const char *where, struct addrinfo **found, listen_reach *reach, error *e)
 {
     char *host = NULL, *port = NULL;
-    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE | AI_NUMERICSERV},
-                    *found = NULL;
-    bool ok = false;
-    int fd = -1, one = 1;
-    listen_reach reach = LISTEN_LOOPBACK;
+    const struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE | AI_NUMERICSERV};
     if (!split(where, &host, &port))
         return error_set(e, ERROR_SPEC_INVALID, "listen: must be HOST:PORT or unix:/path (given %s)", where);
-    int why = getaddrinfo(host, port, &hints, &found);
-    if (why != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
-        goto done;
-    }
-    for (const struct addrinfo *a = found; a; a = a->ai_next)
-        if (!is_loopback(a->ai_addr)) reach = LISTEN_NETWORK;
-    fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) != 0) {
-        fail(e, where, "socket");
-        goto done;
-    }
-    ok = bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
-    if (ok)
-        *s = (listen_socket){.fd = fd, .where = mem_strdup(where), .address = describe(fd), .reach = reach};
-done:
-    if (!ok && fd >= 0) close(fd);
-    if (found) freeaddrinfo(found);
+    const int why = getaddrinfo(host, port, &hints, found);
     free(host);
     free(port);
+    if (why != 0) return error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
+    *reach = LISTEN_LOOPBACK;
+    for (const struct addrinfo *a = *found; a; a = a->ai_next)
+        if (!is_loopback(a->ai_addr)) *reach = LISTEN_NETWORK;
+    return true;
+}
+
+static bool open_tcp(const char *where, listen_socket *s, error *e)
+{
+    struct addrinfo *found;
+    listen_reach reach;
+    const int one = 1;
+    if (!resolve(where, &found, &reach, e)) return false;
+    const int fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const bool ok = fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) != 0
+                        ? fail(e, where, "socket")
+                        : bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
+    if (ok)
+        *s = (listen_socket){.fd = fd, .where = mem_strdup(where), .address = describe(fd), .reach = reach};
+    else if (fd >= 0)
+        close(fd);
+    freeaddrinfo(found);
     return ok;
 }
 
@@ -151,15 +153,23 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     return unlink(address->sun_path) == 0 || fail(e, where, "unlink");
 }
 
-static bool open_unix(const char *where, bool shared, listen_socket *s, error *e)
+static bool read_path(const char *where, struct sockaddr_un *address, error *e)
 {
     const char *path = where + strlen("unix:");
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    if (*path != '/' || strlen(path) >= sizeof address.sun_path)
+    *address = (struct sockaddr_un){.sun_family = AF_UNIX};
+    if (*path != '/' || strlen(path) >= sizeof address->sun_path)
         return error_set(e, ERROR_SPEC_INVALID,
                          "listen %s: the path must be absolute and have at most %zu bytes", where,
-                         sizeof address.sun_path - 1);
-    strcpy(address.sun_path, path);
+                         sizeof address->sun_path - 1);
+    strcpy(address->sun_path, path);
+    return true;
+}
+
+static bool open_unix(const char *where, bool shared, listen_socket *s, error *e)
+{
+    struct sockaddr_un address;
+    if (!read_path(where, &address, e)) return false;
+    const char *path = address.sun_path;
     if (!remove_stale(&address, where, e)) return false;
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (fd < 0) return fail(e, where, "socket");
@@ -181,9 +191,25 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
     return true;
 }
 
+static bool is_path(const char *where)
+{
+    return strncmp(where, "unix:", 5) == 0;
+}
+
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e)
 {
-    return strncmp(where, "unix:", 5) == 0 ? open_unix(where, shared, s, e) : open_tcp(where, s, e);
+    return is_path(where) ? open_unix(where, shared, s, e) : open_tcp(where, s, e);
+}
+
+bool listen_find_reach(const char *where, listen_reach *reach, error *e)
+{
+    struct sockaddr_un address;
+    struct addrinfo *found;
+    *reach = LISTEN_UNIX;
+    if (is_path(where)) return read_path(where, &address, e);
+    if (!resolve(where, &found, reach, e)) return false;
+    freeaddrinfo(found);
+    return true;
 }
 
 void listen_share(const listen_socket *s, bool shared)

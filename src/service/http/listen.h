@@ -25,6 +25,9 @@ typedef struct listen_socket {
 /* Opens the socket. `where` is HOST:PORT, [HOST]:PORT or unix:/path. For a path, `shared` permits users other
  * than the service's own to connect. The error contains `where`. */
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
+/* What listen_open would report as `reach`, without opening the socket. Error spec_invalid: `where` is malformed, or
+ * its host is unknown. */
+bool listen_find_reach(const char *where, listen_reach *reach, error *e);
 /* Sets the mode of a path that listen_open opened; `shared` permits other users to connect. A failure is
  * logged. Sockets without a path are unchanged. */
 void listen_share(const listen_socket *s, bool shared);
