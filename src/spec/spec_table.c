@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/core/frames.h"
 #include "base/core/precision.h"
 #include "base/core/worker_contract.h"
 
@@ -2067,6 +2068,19 @@ const spec_row spec_rows[] = {
          "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
+    {.pointer = MEMBER("/queue", "files"),
+     .title = "Files of a data set",
+     .type = SPEC_TYPE_FILES,
+     .low = 1,
+     .high = FRAMES_MOST,
+     AT(files),
+     .prose =
+         "The files of a data set; the job has one frame for each. A list of names, or a pattern such as "
+         "\"meshes/*.ply\", with * in its last part. At the submission, the service replaces a pattern by the names "
+         "of the files that exist below the input roots, in the order of their bytes. {file} in one input path stands "
+         "for the name: {\"mesh\": {\"path\": \"{file}\"}}. Frame k has file k, from 0. Names of uploads may be "
+         "listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most 100000 files; "
+         "the setting max_files of the service may be lower."},
     {.pointer = MEMBER("/queue", "max_running"),
      .title = "Most frames at once",
      .type = SPEC_TYPE_INTEGER,
