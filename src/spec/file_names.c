@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "base/core/memory.h"
-#include "base/json/json.h"
 
 #define PLACE_LENGTH (sizeof FILE_NAMES_PLACE - 1)
 
@@ -53,18 +52,4 @@ bool file_names_match(const char *pattern, const char *text, int length)
     }
     while (*pattern == '*') pattern++;
     return !*pattern;
-}
-
-char *file_names_own_spec(const char *spec, const char *name)
-{
-    json *document = json_parse(spec, strlen(spec), NULL), *queue = json_find(document, "/queue");
-    if (json_type_of(json_root(document)) != JSON_OBJECT) {
-        json_free(document);
-        return NULL;
-    }
-    if (!queue) queue = json_put_object(document, "queue");
-    json_append_string(json_put_array(queue, "files"), name);
-    char *text = json_print(document);
-    json_free(document);
-    return text;
 }

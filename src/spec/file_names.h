@@ -23,8 +23,4 @@ bool file_names_is_pattern(const char *text);
 /* Whether the whole text, of `length` bytes, matches the pattern. Neither has a "/". */
 bool file_names_match(const char *pattern, const char *text, int length);
 
-/* A copy of a spec, both as text, with the list of this one name in queue.files; the caller frees it.
- * NULL: the text is not the JSON of an object. */
-char *file_names_own_spec(const char *spec, const char *name);
-
 #endif

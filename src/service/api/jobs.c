@@ -25,6 +25,7 @@
 #include "service/executor/cache.h"
 #include "service/http/parameter.h"
 #include "service/http/preconditions.h"
+#include "service/results/own_spec.h"
 #include "spec/file_names.h"
 #include "spec/spec.h"
 #include "files/file.h"
@@ -772,7 +773,7 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
 static char *print_first(const order *o)
 {
     char *text = json_print(o->s->normalised);
-    char *own = o->set.count ? file_names_own_spec(text, o->set.name[0]) : NULL;
+    char *own = o->set.count ? own_spec_make(text, o->set.name[0]) : NULL;
     if (own) free(text);
     return own ? own : text;
 }

@@ -16,11 +16,11 @@
 #include "base/json/json.h"
 #include "service/results/kept_result.h"
 #include "service/results/own_report.h"
+#include "service/results/own_spec.h"
 #include "service/results/publication.h"
 #include "service/results/result.h"
 #include "files/file.h"
 #include "files/sent_file.h"
-#include "spec/file_names.h"
 
 typedef struct limits {
     double timeout_s, stall_s; /* 0: none */
@@ -258,7 +258,7 @@ static bool start_worker(slot *s, error *e)
     const char **inputs = list_inputs(c, own_file, &input_count);
     char **roots = input_permissions_list(inputs, input_count, x->inputs, x->input_roots, x->input_root_count,
                                           &root_count);
-    char *own_spec = c->task.file ? file_names_own_spec(c->job.spec, c->task.file) : NULL;
+    char *own_spec = c->task.file ? own_spec_make(c->job.spec, c->task.file) : NULL;
     char *previous =
         c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->work_dir, c->job.id, c->previous);
     engine_request request = {
