@@ -2221,6 +2221,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",
         [SPEC_TYPE_GROUPS] = "[object, ...]",
         [SPEC_TYPE_FRAME_VALUES] = "object",
+        [SPEC_TYPE_FILES] = "string or [string, ...]",
         [SPEC_TYPE_LABELS] = "[string, ...]",
     };
     fprintf(file, " (%s", types[row->type]);
@@ -2231,6 +2232,7 @@ static void print_values(FILE *file, const spec_row *row)
                row->type != SPEC_TYPE_SURFACE) {
         const char *of = row->type == SPEC_TYPE_STRING         ? " characters"
                          : row->type == SPEC_TYPE_LABELS       ? " texts"
+                         : row->type == SPEC_TYPE_FILES        ? " names"
                          : row->type == SPEC_TYPE_SURFACES     ? " surfaces"
                          : row->type == SPEC_TYPE_GROUPS       ? " objects"
                          : row->type == SPEC_TYPE_FRAME_VALUES ? " members"
