@@ -146,7 +146,8 @@ bool stack_add(stack *s, FILE *ply, const char *name, int frame, error *e)
     if (!read_header(ply, &l))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "%s: points.ply is not a binary PLY file of hexad: set output.ply.format to \"binary\"", name);
+            "%s: points.ply is not a binary PLY file of hexad: set output.ply.format to \"binary_little_endian\"",
+            name);
     if (!s->names.count) s->layout = l;
     if (l.points != s->layout.points)
         return error_set(
