@@ -213,7 +213,7 @@ function Tasks({job, frame, now, onChoose}) {
     const {word, sign, kind} = stateOf(task);
     const waits = task.waits ? `, waits for this frame of ${task.waits === 1 ? "another job" : `${task.waits} other jobs`}` : "";
     return html`<button key=${task.frame} class=${`frame ${kind}`} aria-pressed=${task.frame === frame}
-      title=${`Frame ${task.frame}: ${word}${waits}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
+      title=${`Frame ${task.frame}${task.file ? ` (${task.file})` : ""}: ${word}${waits}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
       >${pictures && task.state === "succeeded" && html`<img loading="lazy" alt="" src=${urlOf(`v1/jobs/${job.id}/thumbnail.png?frame=${task.frame}`).href} onError=${e => { e.target.hidden = true; }} />`}<span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
   })}</div>${warningsOf(tasks).map(text => html`<p class="notice">${text}</p>`)}</section>`;
 }

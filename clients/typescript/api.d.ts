@@ -55,6 +55,8 @@ export type TaskCounts = {
 export type Task = {
   number: number;
   frame?: number;
+  /** The name of the frame's file (`queue.files`). */
+  file?: string;
   state: State;
   outcome: Outcome;
   attempt: number;
@@ -163,6 +165,8 @@ export type Workers = {
     name: string | null;
     owner: string;
     frame?: number;
+    /** The name of the frame's file (`queue.files`). */
+    file?: string;
     attempt: number;
     started: string | null;
     threads: number;
@@ -1170,6 +1174,15 @@ export type JobSpec = {
       from: number;
       to: number;
     }};
+    /**
+     * The files of a data set; the job has one frame for each. A list of names, or a pattern such as
+     * "meshes/*.ply", with * in its last part. At the submission, the service replaces a pattern by the names
+     * of the files that exist below the input roots, in the order of their bytes. {file} in one input path
+     * stands for the name: {"mesh": {"path": "{file}"}}. Frame k has file k, from 0. Names of uploads may be
+     * listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most 100000
+     * files; the setting max_files of the service may be lower.
+     */
+    files?: string | string[];
     /**
      * The maximum number of frames that run at the same time; 0: as many as the service has room for.
      * (frames) Default: 0.
@@ -2326,6 +2339,15 @@ export type AnsweredSpec = {
       from: number;
       to: number;
     }};
+    /**
+     * The files of a data set; the job has one frame for each. A list of names, or a pattern such as
+     * "meshes/*.ply", with * in its last part. At the submission, the service replaces a pattern by the names
+     * of the files that exist below the input roots, in the order of their bytes. {file} in one input path
+     * stands for the name: {"mesh": {"path": "{file}"}}. Frame k has file k, from 0. Names of uploads may be
+     * listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most 100000
+     * files; the setting max_files of the service may be lower.
+     */
+    files?: string | string[];
     /**
      * The maximum number of frames that run at the same time; 0: as many as the service has room for.
      * (frames)

@@ -49,11 +49,13 @@ typedef struct command_options {
     const char *priority;
     const char *key;    /* of submit: the Idempotency-Key */
     const char *frames; /* of attach, submit and sample: the frames of the new array, as in queue.frames */
+    const char *files;  /* of submit: a pattern, as in queue.files */
     const char *const *mesh; /* of attach: paths as in a spec */
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
     const char *output;  /* of fetch and sample: a directory; NULL: the job's id, or the stem of the file */
+    const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
     const char *file;    /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the picture to; NULL: none */
     gid_t file_group;    /* of token: the group that may read the system service's file, or TOKEN_NO_GROUP */

@@ -17,6 +17,7 @@
 #include "client/job_table.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
+#include "client/stack.h"
 #include "files/file.h"
 
 /* Whether a file with this hash is at the path. */
@@ -215,6 +216,7 @@ typedef struct fetching {
     int seen; /* number of requested frames that the job has */
     progress_bar bar;
     json *frames; /* for --json */
+    stack *stack; /* the archive of all points; NULL: each frame gets a directory */
 } fetching;
 
 static bool is_wanted(const fetching *f, int frame)
@@ -243,6 +245,42 @@ static int fetch_frame(client *c, fetching *f, int frame)
     return code;
 }
 
+/* Adds the points of a frame to the stack. */
+static int stack_frame(client *c, fetching *f, int frame, const char *name)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *href = mem_printf("/v1/jobs/%s/results/points.ply?frame=%d", f->id, frame);
+    FILE *points = tmpfile();
+    int code = COMMAND_FAILED;
+    progress_bar_show_count(&f->bar, f->fetched, f->all);
+    if (!points)
+        error_set(&e, ERROR_INTERNAL, "a temporary file cannot be written");
+    else if (!client_download(c, href, points, &reply, &e))
+        code = COMMAND_UNREACHABLE;
+    else if (reply.status != 200)
+        error_set(&e, ERROR_INTERNAL, "%s: the server answered with status %ld: %s", href, reply.status,
+                  json_string(json_root(json_find(reply.document, "/detail")), "the answer has no reason"));
+    else {
+        rewind(points);
+        if (stack_add(f->stack, points, name, frame, &e)) code = COMMAND_OK;
+    }
+    if (code == COMMAND_OK) f->fetched++;
+    progress_bar_clear(&f->bar);
+    if (code != COMMAND_OK) print_failure("%s", e.message);
+    if (points) fclose(points);
+    client_reply_clear(&reply);
+    free(href);
+    return code;
+}
+
+/* The name of the frame's file, or its number. The caller frees it. */
+static char *name_of(json_at task, int frame)
+{
+    const char *file = json_string(json_member(&task, "file"), NULL);
+    return file ? mem_strdup(file) : mem_printf("%d", frame);
+}
+
 /* Fetches the results of one task, or records why there are none. */
 static int fetch_task(client *c, fetching *f, json_at task)
 {
@@ -250,7 +288,16 @@ static int fetch_task(client *c, fetching *f, json_at task)
     const char *state = json_string(json_member(&task, "state"), "?");
     if (!is_wanted(f, frame)) return COMMAND_OK;
     f->seen++;
-    if (strcmp(state, "succeeded") == 0) return fetch_frame(c, f, frame);
+    const bool has_result = strcmp(state, "succeeded") == 0;
+    if (has_result && !f->stack) return fetch_frame(c, f, frame);
+    char *name = name_of(task, frame);
+    int code = COMMAND_OK;
+    if (has_result)
+        code = stack_frame(c, f, frame, name);
+    else if (f->stack)
+        stack_add_missing(f->stack, name);
+    free(name);
+    if (has_result) return code;
     if (!command_has_ended(task)) {
         f->unended++;
         return COMMAND_OK;
@@ -258,7 +305,9 @@ static int fetch_task(client *c, fetching *f, json_at task)
     json_at fault = json_member(&task, "error");
     const char *why = json_string(json_member(&fault, "message"), NULL);
     progress_bar_clear(&f->bar);
-    print_failure("frame %d has no results: %s%s%s", frame, state, why ? ": " : "", why ? why : "");
+    const char *file = json_string(json_member(&task, "file"), NULL);
+    print_failure("frame %d%s%s%s has no results: %s%s%s", frame, file ? " (" : "", file ? file : "",
+                  file ? ")" : "", state, why ? ": " : "", why ? why : "");
     f->lost++;
     return COMMAND_OK;
 }
@@ -317,7 +366,8 @@ static int fetch_array(client *c, fetching *f, json_at job)
         qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare_ints);
         f->all = (int)f->wanted_count;
     }
-    if (has_other_result(f->directory, json_root(NULL)) || has_other_frames(c, f->id, f->directory)) {
+    if (!f->stack &&
+        (has_other_result(f->directory, json_root(NULL)) || has_other_frames(c, f->id, f->directory))) {
         free(f->wanted);
         return refuse_directory(f->directory);
     }
@@ -326,6 +376,7 @@ static int fetch_array(client *c, fetching *f, json_at job)
     progress_bar_init(&f->bar);
     int code = fetch_tasks(c, f);
     progress_bar_clear(&f->bar);
+    if (code == COMMAND_OK && f->stack && !stack_write(f->stack, &e)) code = print_failure("%s", e.message);
     int sum = sum_up(f);
     json_free(f->frames);
     free(f->wanted);
@@ -358,13 +409,25 @@ static int fetch_single(client *c, fetching *f, json_at job)
 static int fetch_job(client *c, json_at job, const char *directory, bool silent,
                      const command_options *options)
 {
+    error e = {0};
     json_at tasks = json_member(&job, "tasks");
+    const bool array = json_bool(json_member(&job, "array"), false);
+    if (options->stack && (!array || options->output)) {
+        print_failure(array ? "fetch: --stack and --output exclude each other: omit one of them"
+                            : "fetch: the job has no frames: omit --stack");
+        return COMMAND_USAGE;
+    }
+    stack *all = options->stack ? stack_begin(options->stack, &e) : NULL;
+    if (options->stack && !all) return print_failure("%s", e.message);
     fetching f = {.id = json_string(json_member(&job, "id"), ""),
                   .directory = directory,
                   .options = options,
                   .silent = silent,
+                  .stack = all,
                   .all = (int)json_number(json_member(&tasks, "all"), 0)};
-    return json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
+    int code = array ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
+    stack_free(all);
+    return code;
 }
 
 int command_fetch(client *c, const char *argument, const command_options *options)
@@ -374,8 +437,11 @@ int command_fetch(client *c, const char *argument, const command_options *option
     if (!path) return COMMAND_USAGE;
     int code = command_ask(c, "GET", path, NULL, &document);
     if (code == COMMAND_OK)
-        code =
-            fetch_job(c, json_root(document), options->output ? options->output : argument, false, options);
+        code = fetch_job(c, json_root(document),
+                         options->output  ? options->output
+                         : options->stack ? options->stack
+                                          : argument,
+                         false, options);
     json_free(document);
     free(path);
     return code;

@@ -165,7 +165,9 @@ table job_table_new_frames(void)
 void job_table_add_frame(table *t, json_at task)
 {
     json_at fault = json_member(&task, "error");
-    table_add(t, mem_printf("%.0f", number_of(task, "frame")));
+    const char *file = text_of(task, "file", NULL);
+    table_add(t, mem_printf("%.0f%s%s%s", number_of(task, "frame"), file ? " (" : "", file ? file : "",
+                            file ? ")" : ""));
     table_add(t, mem_strdup(text_of(task, "state", "?")));
     table_add(t, mem_printf("%.0f", number_of(task, "attempt")));
     table_add(t, mem_strdup(text_of(fault, "message", "-")));

@@ -76,7 +76,7 @@ static json *member_of_type(json *object, const char *pointer, json_type type)
 /* Whether an option changes the spec. */
 static bool has_changes(const command_options *options)
 {
-    return options->priority || options->name || options->frames || options->label.count ||
+    return options->priority || options->name || options->frames || options->files || options->label.count ||
            options->depends_on.count || options->set.count;
 }
 
@@ -99,12 +99,14 @@ static bool apply_options(json *document, const command_options *options)
     }
     if (json_type_of(json_root(document)) != JSON_OBJECT) return true;
     if (options->name) json_put_string(document, "name", options->name);
-    json *queue = options->priority || options->frames || options->label.count || options->depends_on.count
+    json *queue = options->priority || options->frames || options->files || options->label.count ||
+                          options->depends_on.count
                       ? member_of_type(document, "/queue", JSON_OBJECT)
                       : NULL;
     if (queue) {
         if (options->priority) json_put_integer(queue, "priority", priority);
         if (options->frames) json_put_string(queue, "frames", options->frames);
+        if (options->files) json_put_string(queue, "files", options->files);
         append_values(queue, "/labels", &options->label);
         append_values(queue, "/depends_on", &options->depends_on);
     }

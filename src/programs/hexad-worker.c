@@ -111,7 +111,7 @@ static const char help_text[] =
     "                     the largest limits.memory_mb that messages suggest (default: no maximum)\n"
     "  --threads N        maximum number of threads, and the number for a job without solver.threads\n"
     "                     (default: no maximum, and one thread per processor)\n"
-    "  --frame N          the frame of a spec with queue.frames\n"
+    "  --frame N          the frame of a spec with queue.frames, or the file of one with queue.files, from 0\n"
     "  --previous DIR     results of the previous frame; a frame with queue.coherent starts from its points\n"
     "                     (default: the frame is the first of the sequence)\n"
     "  --sandbox MODE     required: no network, no other programs, and no files outside the input roots and\n"
@@ -214,6 +214,23 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
+/* Inserts the name of the frame's file into the spec of a data set. A list of one name is the name of any frame:
+ * the service sends such a list. */
+static bool choose_file(spec *s, long frame, error *e)
+{
+    if (s->files.is_pattern)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "/queue/files: only the service finds the names of a pattern: write a list");
+    if (frame < 0 || (s->files.count > 1 && (size_t)frame >= s->files.count))
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/queue/files: the spec is a data set of %zu files: choose one with --frame N, from 0",
+            s->files.count);
+    spec_set_frame(s, (int)frame);
+    spec_set_file(s, s->files.name[s->files.count > 1 ? frame : 0]);
+    return true;
+}
+
 /* Checks that a sequence has the number of one frame, and any other spec has none. If values depend on the
  * frame, *s becomes the spec of that frame, which still lists the numbers of all frames. */
 static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
@@ -223,10 +240,12 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     if (previous && !whole->coherent)
         return error_set(e, ERROR_SPEC_INVALID,
                          "--previous requires a spec with queue.coherent: omit it, or set queue.coherent");
+    if (whole->files.count) return choose_file(whole, frame, e);
     if (!whole->frames && frame < 0) return true;
     if (!whole->frames)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "--frame requires a spec with queue.frames: omit it, or add queue.frames");
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "--frame requires a spec with queue.frames or queue.files: omit it, or add one of them");
     if (strcmp(whole->frames, FRAMES_ALL) == 0)
         return error_set(e, ERROR_SPEC_INVALID,
                          "/queue/frames: only the service finds the numbers of \"" FRAMES_ALL

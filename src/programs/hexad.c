@@ -874,6 +874,7 @@ static bool init_http(service *s, error *e)
         .worker = c->worker,
         .waiting = s->waiting,
         .max_attempts = (int)c->max_attempts,
+        .max_files = (size_t)c->max_files,
         .priorities = s->priorities,
         .retention_s = (int64_t)c->retention_s,
         .wait_s = c->wait_limit_s,

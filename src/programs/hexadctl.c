@@ -39,12 +39,13 @@ static const char usage[] =
     "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
     "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
-    "       [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
-    "                    submit a job and print its ID. --name, --frames and --priority replace the value\n"
-    "                    in the spec; --label and --depends-on add one. With KEY, any text, a repeated\n"
-    "                    submission prints the ID of the first one and creates no second job. If the\n"
-    "                    service detects within 0.2 s that the inputs have a fault, submit prints a\n"
-    "                    warning; the exit code stays 0\n"
+    "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
+    "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"
+    "                    value in the spec; --label and --depends-on add one. --files: one frame for each\n"
+    "                    file of the service that matches, such as 'meshes/*.ply', at {file} in the spec.\n"
+    "                    With KEY, any text, a repeated submission prints the ID of the first one and\n"
+    "                    creates no second job. If the service detects within 0.2 s that the inputs have a\n"
+    "                    fault, submit prints a warning; the exit code stays 0\n"
     "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--name NAME] [--priority N]\n"
     "       [--label LABEL]... [--key KEY]\n"
     "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
@@ -75,11 +76,13 @@ static const char usage[] =
     "  cancel --label LABEL [--owner USER]\n"
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
-    "  fetch ID [--frame FRAMES] [--output DIR]\n"
+    "  fetch ID [--frame FRAMES] [--output DIR | --stack FILE.npz]\n"
     "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
     "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
-    "                    of another job is refused\n"
+    "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
+    "                    numbers, into one NumPy file instead: positions (frames, points, 3), the other\n"
+    "                    attributes, names, and missing: the frames without results\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
@@ -154,7 +157,7 @@ static const struct entry {
     {"sample", command_sample, ONE,
      "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
     {"submit", command_submit, ONE,
-     "--wait --accept --set --name --frames --depends-on --priority --label --key"},
+     "--wait --accept --set --name --frames --files --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
@@ -165,7 +168,7 @@ static const struct entry {
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, JOB, "--frame --output"},
+    {"fetch", command_fetch, JOB, "--frame --output --stack"},
     {"log", command_log, JOB, "--frame --attempt"},
     {"pause", command_pause, JOB, ""},
     {"resume", command_resume, JOB, ""},
@@ -205,7 +208,8 @@ static const struct {
     OPTION("text", text),         OPTION("picture", picture),
     OPTION("frames", frames),     OPTION("count", count),
     OPTION("spacing", spacing),   OPTION("grade", grade),
-    OPTION("pattern", pattern),
+    OPTION("pattern", pattern),   OPTION("files", files),
+    OPTION("stack", stack),
 };
 
 /* Options with a value that may be repeated. */

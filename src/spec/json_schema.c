@@ -118,6 +118,14 @@ static void put_labels(json *schema, const spec_row *row)
     put_length(json_put_object(schema, "items"), 1, SPEC_LABEL_LENGTH_MAX);
 }
 
+/* A pattern, or a list of names. */
+static void put_files(json *schema, const spec_row *row)
+{
+    json *list = json_put_array(schema, "oneOf");
+    put_length(json_append_object(list), 1, SPEC_FILE_NAME_MAX);
+    put_length(put_list(json_append_object(list), row), 1, SPEC_FILE_NAME_MAX);
+}
+
 static void put_group(json *schema, const char *group, json_schema_use use);
 
 static void put_type(json *schema, const spec_row *row, json_schema_use use)
@@ -179,6 +187,9 @@ static void put_type(json *schema, const spec_row *row, json_schema_use use)
         break;
     case SPEC_TYPE_FRAME_VALUES:
         put_frame_values(schema, row, use);
+        break;
+    case SPEC_TYPE_FILES:
+        put_files(schema, row);
         break;
     case SPEC_TYPE_LABELS:
         put_labels(schema, row);

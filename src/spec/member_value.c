@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "spec/file_names.h"
 #include "spec/frame_values.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
@@ -278,6 +279,41 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         read_label(r, &element, row, list);
 }
 
+static void read_file_name(reading *r, const json_at *at, spec_files *files)
+{
+    const char *text = json_string(*at, NULL);
+    if (text && *text && characters(text) <= SPEC_FILE_NAME_MAX)
+        files->name[files->count++] = mem_strdup(text);
+    else
+        reading_add_mismatch(r, at, "must be the name of a file, a string of 1 to %d characters",
+                             SPEC_FILE_NAME_MAX);
+}
+
+static void read_files(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    spec_files *files = reading_target(r, row->offset);
+    const char *pattern = json_string(*at, NULL);
+    size_t count = pattern ? 1 : json_size(*at);
+    if (pattern && !file_names_is_pattern(pattern)) {
+        reading_add_mismatch(r, at,
+                             "must have * in its last part, and in no other part; give one file as a list");
+        return;
+    }
+    if (!pattern &&
+        (json_type_of(*at) != JSON_ARRAY || (double)count < row->low || (double)count > row->high)) {
+        reading_add_mismatch(r, at,
+                             "must be an array of %.0f to %.0f names, or a pattern such as \"meshes/*.ply\"",
+                             row->low, row->high);
+        return;
+    }
+    files->name = mem_alloc(count * sizeof *files->name);
+    files->is_pattern = pattern;
+    if (pattern) read_file_name(r, at, files);
+    for (json_at element = json_first(at); element.node; element = json_next(&element))
+        read_file_name(r, &element, files);
+    json_put(normal, spec_row_key(row), json_copy(at->node));
+}
+
 void member_value_read(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     switch (row->type) {
@@ -316,6 +352,9 @@ void member_value_read(reading *r, const json_at *at, const spec_row *row, json 
         break;
     case SPEC_TYPE_LABELS:
         read_labels(r, at, row, normal);
+        break;
+    case SPEC_TYPE_FILES:
+        read_files(r, at, row, normal);
         break;
     case SPEC_TYPE_FRAME_VALUES:
         frame_values_read(r, at, row, normal);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/core/frames.h"
+#include "spec/file_names.h"
 #include "spec/frame_values.h"
 #include "spec/group.h"
 #include "spec/rules.h"
@@ -139,6 +140,39 @@ static void check_frames(reading *r, const json_at *at, const spec *s)
             "in place of the frame number",
             FRAMES_NOTATIONS);
     if (s->has_frame_values) frame_values_check_places(r, at);
+}
+
+/* Exactly one input path has the place of a file's name, if and only if there are files. */
+static void check_files(reading *r, const json_at *at, const spec *s)
+{
+    const json_at queue = json_member(at, "queue"), files = json_member(&queue, "files");
+    spec_input input;
+    const char *place = NULL, *second = NULL;
+    if (r->known) return;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        if (!file_names_has_place(input.path)) continue;
+        if (input.is_slice) {
+            reading_add_fault(r, &files, "%s: the path of a stack of images cannot have %s", input.pointer,
+                              FILE_NAMES_PLACE);
+            return;
+        }
+        *(place ? &second : &place) = input.pointer;
+    }
+    if (!s->files.count && place)
+        reading_add_fault(r, &files, "is required, because %s has %s", place, FILE_NAMES_PLACE);
+    if (s->files.count && !place)
+        reading_add_fault(r, &files,
+                          "all frames are equal: write %s in place of the name into the path of the surface",
+                          FILE_NAMES_PLACE);
+    if (second)
+        reading_add_fault(r, &files, "%s and %s have %s: only one input path may have it", place, second,
+                          FILE_NAMES_PLACE);
+    if (s->files.count && s->directory && !frames_is_pattern(s->directory))
+        reading_add_fault(
+            r, &files,
+            "output.directory is the same for all files, which would overwrite each other: add %s "
+            "in place of the frame number",
+            FRAMES_NOTATIONS);
 }
 
 static void check_coherent(reading *r, const json_at *at, const spec *s)
@@ -282,7 +316,7 @@ static void check_labels(reading *r, const json_at *at, const spec *s)
 void relations_check(reading *r, const json_at *root)
 {
     static void (*const checks[])(reading *, const json_at *, const spec *) = {
-        check_grid,   check_solver, check_output, check_frames,  check_coherent,
+        check_grid,   check_solver, check_output, check_frames,  check_files, check_coherent,
         check_bounds, check_attach, check_weight, check_pattern, check_labels};
     const spec *s = reading_whole(r);
     for (size_t k = 0; s && k < sizeof checks / sizeof *checks; k++) checks[k](r, root, s);

@@ -453,20 +453,38 @@ static void check_instancer(reading *r, const json_at *at)
         reading_add_fault(r, &prototype, "must not contain control characters or \"@@@\": rename the file");
 }
 
+/* Refuses members that require another kind of array than a data set. */
+static void check_files(reading *r, const json_at *at, const json_at *files)
+{
+    static const char *const excluded[] = {"frames", "by_frame", "coherent", "after_frames"};
+    for (size_t i = 0; i < sizeof excluded / sizeof *excluded; i++) {
+        json_at other = json_member(at, excluded[i]);
+        if (json_type_of(other) == JSON_BOOL    ? json_bool(other, false)
+            : json_type_of(other) == JSON_ARRAY ? json_size(other) > 0
+                                                : other.node != NULL)
+            reading_add_fault(r, files, "excludes queue.%s: remove one of the two", excluded[i]);
+    }
+}
+
 static void check_frames(reading *r, const json_at *at)
 {
     json_at frames = json_member(at, "frames"), after = json_member(at, "after_frames"),
-            chunk = json_member(at, "chunk"), coherent = json_member(at, "coherent");
+            chunk = json_member(at, "chunk"), coherent = json_member(at, "coherent"),
+            files = json_member(at, "files");
     const char *text = json_string(frames, NULL);
     const bool in_order = json_bool(coherent, false);
     error e = {0};
+    if (files.node) {
+        check_files(r, at, &files);
+        return;
+    }
     if (!text && (json_type_of(after) == JSON_STRING || json_size(after) > 0))
         reading_add_fault(r, &after, "requires queue.frames; for a job without frames use depends_on");
     if (json_number(chunk, 1) > 1 && (!text || in_order))
         reading_add_fault(
             r, &chunk, "%s",
             text ? "excludes queue.coherent, whose frames run one after another: remove one of the two"
-                 : "requires queue.frames: remove chunk, or add frames");
+                 : "requires queue.frames or queue.files: remove chunk, or add one of them");
     if (!text && in_order) reading_add_fault(r, &coherent, "requires queue.frames");
     if (!text || strcmp(text, FRAMES_ALL) == 0) return;
     int **numbers = reading_target(r, offsetof(spec, frame));
@@ -517,7 +535,7 @@ unsigned rules_check_names(reading *r, const json_at *at, const char *group, con
 static void check_queue(reading *r, const json_at *at)
 {
     check_frames(r, at);
-    frame_values_check(r, at);
+    if (!json_member(at, "files").node) frame_values_check(r, at);
 }
 
 void rules_check_group(reading *r, const json_at *at, const char *group)

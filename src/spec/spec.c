@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/core/frames.h"
+#include "spec/file_names.h"
 #include "spec/surface_spec.h"
 
 /* The axis that points up: y for assets of films and games; z for models of CAD and printing, and for
@@ -75,21 +76,43 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
     return false;
 }
 
-static void set_frame(char **path, int frame)
+static void replace_path(char **path, surface_spec_renamer *rename, const void *by)
 {
-    char *pattern = *path;
-    *path = frames_path(pattern, frame);
-    free(pattern);
+    char *old = *path;
+    if (!old) return;
+    *path = rename(old, by);
+    free(old);
+}
+
+/* Replaces the paths of all input files, except those of stacks of images. */
+static void replace_paths(spec *s, surface_spec_renamer *rename, const void *by)
+{
+    surface_spec_rename(&s->surface, rename, by);
+    if (s->region_inside) surface_spec_rename(s->region_inside, rename, by);
+    replace_path(&s->grid.path, rename, by);
+    replace_path(&s->attach, rename, by);
+    replace_path(&s->points.path, rename, by);
+    for (size_t k = 0; k < s->attribute_count; k++) replace_path(&s->attributes[k].from, rename, by);
+}
+
+static char *insert_frame(const char *path, const void *frame)
+{
+    return frames_path(path, *(const int *)frame);
+}
+
+static char *insert_file(const char *path, const void *name)
+{
+    return file_names_path(path, name);
 }
 
 void spec_set_frame(spec *s, int frame)
 {
-    surface_spec_set_frame(&s->surface, frame);
-    if (s->region_inside) surface_spec_set_frame(s->region_inside, frame);
-    if (s->grid.path) set_frame(&s->grid.path, frame);
-    if (s->attach) set_frame(&s->attach, frame);
-    if (s->points.path) set_frame(&s->points.path, frame);
-    for (size_t k = 0; k < s->attribute_count; k++) set_frame(&s->attributes[k].from, frame);
+    replace_paths(s, insert_frame, &frame);
+}
+
+void spec_set_file(spec *s, const char *name)
+{
+    replace_paths(s, insert_file, name);
 }
 
 void spec_free(spec *s)
@@ -129,6 +152,8 @@ void spec_free(spec *s)
     free(s->slurm);
     free(s->frames);
     free(s->frame);
+    for (size_t i = 0; i < s->files.count; i++) free(s->files.name[i]);
+    free(s->files.name);
     free(s->directory);
     free(s->webhook);
     json_free(s->normalised);

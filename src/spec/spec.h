@@ -56,6 +56,13 @@ typedef struct spec_list {
     double *number;
 } spec_list;
 
+/* The files of a data set (queue.files). */
+typedef struct spec_files {
+    char **name; /* or one pattern */
+    size_t count;
+    bool is_pattern; /* only the service finds the names */
+} spec_files;
+
 typedef struct spec_labels {
     char *path; /* NULL: they are a stack of images, the surface's `exr` */
     char *grid; /* NULL: the only grid of integers of a VDB file */
@@ -333,6 +340,7 @@ typedef struct spec {
                       * for FRAMES_ALL */
     int *frame;
     size_t frame_count;
+    spec_files files;
     bool has_frame_values; /* values of members differ by frame; this spec has those of the first frame */
     int max_running;       /* maximum number of frames that run at the same time; 0: no limit */
     int chunk;             /* consecutive frames that run one after another */
@@ -345,6 +353,7 @@ typedef struct spec {
     json *normalised; /* the spec as JSON, with all defaults; owned by the spec */
 } spec;
 
+#define SPEC_FILE_NAME_MAX 4096       /* characters of a name in /queue/files */
 #define SPEC_FRAMES_LENGTH_MAX 100000 /* characters of /queue/frames */
 
 /* The faults of a spec, at most SPEC_MAX_FAULTS, each with the JSON Pointer of its member. */
@@ -408,6 +417,10 @@ bool spec_has_weight(const spec *s);
 
 /* File number `index`, from 0, of the files that a job reads. False: there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);
+
+/* Inserts the name of a file into the place {file} of an input path (spec/file_names.h). The normalised
+ * document does not change. Call it before another thread reads the spec. */
+void spec_set_file(spec *s, const char *name);
 
 /* Inserts the frame number into the paths of the input files. The normalised document does not change. Call
  * it before another thread reads the spec. */

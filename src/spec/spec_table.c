@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/core/frames.h"
 #include "base/core/precision.h"
 #include "base/core/worker_contract.h"
 
@@ -2076,6 +2077,19 @@ const spec_row spec_rows[] = {
          "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
+    {.pointer = MEMBER("/queue", "files"),
+     .title = "Files of a data set",
+     .type = SPEC_TYPE_FILES,
+     .low = 1,
+     .high = FRAMES_MOST,
+     AT(files),
+     .prose =
+         "The files of a data set; the job has one frame for each. A list of names, or a pattern such as "
+         "\"meshes/*.ply\", with * in its last part. At the submission, the service replaces a pattern by the names "
+         "of the files that exist below the input roots, in the order of their bytes. {file} in one input path stands "
+         "for the name: {\"mesh\": {\"path\": \"{file}\"}}. Frame k has file k, from 0. Names of uploads may be "
+         "listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most 100000 files; "
+         "the setting max_files of the service may be lower."},
     {.pointer = MEMBER("/queue", "max_running"),
      .title = "Most frames at once",
      .type = SPEC_TYPE_INTEGER,
@@ -2216,6 +2230,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",
         [SPEC_TYPE_GROUPS] = "[object, ...]",
         [SPEC_TYPE_FRAME_VALUES] = "object",
+        [SPEC_TYPE_FILES] = "string or [string, ...]",
         [SPEC_TYPE_LABELS] = "[string, ...]",
     };
     fprintf(file, " (%s", types[row->type]);
@@ -2226,6 +2241,7 @@ static void print_values(FILE *file, const spec_row *row)
                row->type != SPEC_TYPE_SURFACE) {
         const char *of = row->type == SPEC_TYPE_STRING         ? " characters"
                          : row->type == SPEC_TYPE_LABELS       ? " texts"
+                         : row->type == SPEC_TYPE_FILES        ? " names"
                          : row->type == SPEC_TYPE_SURFACES     ? " surfaces"
                          : row->type == SPEC_TYPE_GROUPS       ? " objects"
                          : row->type == SPEC_TYPE_FRAME_VALUES ? " members"

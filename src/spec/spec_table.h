@@ -34,6 +34,7 @@ typedef enum spec_type {
     SPEC_TYPE_SURFACES, /* an array of such objects, low to high of them */
     SPEC_TYPE_GROUPS,   /* an array of objects with members, low to high of them */
     SPEC_TYPE_FRAME_VALUES, /* values by frame, see spec/frame_values.h; stored as a bool: they are given */
+    SPEC_TYPE_FILES,        /* string or array of strings: spec_files; low and high bound their number */
     SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
 

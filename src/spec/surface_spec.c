@@ -31,16 +31,16 @@ bool surface_spec_name_slices(spec_exr *x, int from, int step)
 }
 
 /* The number in the path of a stack is that of the slice, so it is not replaced. */
-void surface_spec_set_frame(spec_surface *s, int frame)
+void surface_spec_rename(spec_surface *s, surface_spec_renamer *rename, const void *by)
 {
     char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path, &s->labels.path};
     for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
-        char *pattern = *single[k];
-        if (!pattern) continue;
-        *single[k] = frames_path(pattern, frame);
-        free(pattern);
+        char *old = *single[k];
+        if (!old) continue;
+        *single[k] = rename(old, by);
+        free(old);
     }
-    for (size_t k = 0; k < s->part_count; k++) surface_spec_set_frame(s->parts[k], frame);
+    for (size_t k = 0; k < s->part_count; k++) surface_spec_rename(s->parts[k], rename, by);
 }
 
 bool surface_spec_input_at(const spec_surface *s, size_t *index, spec_input *out)

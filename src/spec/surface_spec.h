@@ -18,8 +18,11 @@ bool surface_spec_parse_slices(spec_exr *x, int *from, int *step);
  * number. */
 bool surface_spec_name_slices(spec_exr *x, int from, int step);
 
-/* Inserts the frame number into the paths of the surface and its parts. */
-void surface_spec_set_frame(spec_surface *s, int frame);
+/* The new path, which the caller frees, of a path. */
+typedef char *surface_spec_renamer(const char *path, const void *by);
+
+/* Replaces the paths of the surface and its parts, except those of stacks of images. */
+void surface_spec_rename(spec_surface *s, surface_spec_renamer *rename, const void *by);
 
 /* Finds file number *index of the surface and its parts. If there are fewer, *index decreases by their
  * number. */

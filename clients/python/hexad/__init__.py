@@ -5,8 +5,8 @@ from .errors import Damaged, FaultWarning, HexadError, JobFailed, OutcomeWarning
 from .events import Event
 from .job import Job, Result, Service
 from .local import Local
-from .points import Points, obj_of, read_ply
+from .points import Points, Stack, obj_of, read_ply
 from .sample import Sampled, Samples, sample, sample_many
 
 __all__ = ["Client", "Damaged", "Event", "FaultWarning", "HexadError", "Job", "JobFailed", "Local", "OutcomeWarning", "Points", "Problem",
-           "RemoteJob", "Result", "Sampled", "Samples", "Service", "Unreachable", "WaitTimeout", "obj_of", "read_ply", "sample", "sample_many"]
+           "RemoteJob", "Result", "Sampled", "Samples", "Service", "Stack", "Unreachable", "WaitTimeout", "obj_of", "read_ply", "sample", "sample_many"]

@@ -119,6 +119,9 @@ class RemoteJob(Job):
             return [None]
         return [task["frame"] for task in self.tasks() if task["state"] == "succeeded"]
 
+    def file_names(self) -> list[tuple[int | None, str, bool]]:
+        return [(task.get("frame"), str(task.get("file", task.get("frame", self.id))), task["state"] == "succeeded") for task in self.tasks()]
+
     def results(self, frame: int | None = None) -> list[Result]:
         listed = self.transport.get(f"{self.path}/results", {"frame": frame})["results"]
         return [Result(r["name"], r["bytes"], r["sha256"], frame) for r in listed]

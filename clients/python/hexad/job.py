@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence, Union
 
 from .errors import Damaged, HexadError, JobFailed
 from .events import ENDED, Event
-from .points import Points, read_ply
+from .points import Points, Stack, read_ply
 from .spec import Spec
 
 __all__ = ["AnySpec", "Job", "PathLike", "Result", "Service"]
@@ -139,6 +139,10 @@ class Job(ABC):
         """The frames that have results; of a job without frames None, once it has some."""
 
     @abstractmethod
+    def file_names(self) -> list[tuple[int | None, str, bool]]:
+        """Each frame, the name of its file (`queue.files`; of other arrays its number), and whether it has a result."""
+
+    @abstractmethod
     def results(self, frame: int | None = None) -> list[Result]:
         """The files of a result."""
 
@@ -195,6 +199,15 @@ class Job(ABC):
         """The points, as arrays; `mesh.ply` has triangles as well."""
         with tempfile.TemporaryDirectory() as directory:
             return read_ply(self.fetch_named(name, frame, directory))
+
+
+    def stack(self, name: str = "points.ply") -> Stack:
+        """The points of all frames, in arrays with a row for each frame that has a result. ValueError: two results have unequal numbers
+        of points, or other properties."""
+        frames = self.file_names()
+        there = [(frame, text) for frame, text, has_result in frames if has_result]
+        sets = ((text, self.points(frame, name)) for frame, text in there)
+        return Stack(sets, [frame for frame, _ in there], [text for _, text, has_result in frames if not has_result])
 
 
 class Service(ABC):

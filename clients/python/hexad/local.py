@@ -38,6 +38,13 @@ def frames_of(text: str) -> list[int]:
     return numbers
 
 
+def files_of(files: Any) -> list[str]:
+    """The names of a data set."""
+    if isinstance(files, str):
+        raise ValueError("only a service finds the names of a pattern: write a list")
+    return [str(name) for name in files]
+
+
 def last_words(log: pathlib.Path) -> dict[str, Any]:
     """Why a worker has failed: the object that it ends with."""
     try:
@@ -61,7 +68,9 @@ class LocalJob(Job):
         self.local, self.spec = local, spec
         queue = spec.get("queue", {})
         self.coherent = bool(queue.get("coherent"))
-        self.all_frames: list[int | None] = [*frames_of(queue["frames"])] if "frames" in queue else [None]
+        self.files = files_of(queue["files"]) if "files" in queue else []
+        self.all_frames: list[int | None] = ([*frames_of(queue["frames"])] if "frames" in queue else
+                                             [*range(len(self.files))] if self.files else [None])
         self.directory = local.directory / id
         self.done: list[int | None] = []
         self.told: list[Event] = []
@@ -203,6 +212,10 @@ class LocalJob(Job):
 
     def frames(self) -> Sequence[int | None]:
         return list(self.done)
+
+    def file_names(self) -> list[tuple[int | None, str, bool]]:
+        names = self.files or [self.id if frame is None else str(frame) for frame in self.all_frames]
+        return [(frame, name, frame in self.done) for frame, name in zip(self.all_frames, names)]
 
     def results(self, frame: int | None = None) -> list[Result]:
         place = self.place_of(frame)

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence
 
 from .errors import Damaged
 
-__all__ = ["Points", "obj_of", "read_ply"]
+__all__ = ["Points", "Stack", "obj_of", "read_ply"]
 
 # names of PLY to the codes of struct, array and NumPy
 TYPES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
@@ -55,6 +55,57 @@ class Points(Mapping[str, Any]):
     @property
     def normals(self) -> Any:
         return self.together("nx", "ny", "nz")
+
+
+class Stack(Mapping[str, Any]):
+    """The points of many results with equal numbers of points: each property by its name, an array of shape (M, N). Requires NumPy.
+
+    names: of the M results, the names of their files, or their frame numbers as texts
+    frames: their frame numbers
+    missing: the names of the frames without a result
+    """
+
+    def __init__(self, sets: Iterable[tuple[str, Points]], frames: Sequence[int | None], missing: Sequence[str]) -> None:
+        if not numpy:
+            raise ImportError("a stack requires NumPy: install it (python3-numpy)")
+        self.names: list[str] = []
+        self.frames, self.missing = list(frames), list(missing)
+        self.columns: dict[str, Any] = {}
+        count = 0
+        for row, (name, points) in enumerate(sets):
+            if not row:
+                count = points.count
+                self.columns = {key: numpy.empty((len(self.frames), count), column.dtype) for key, column in points.items()}
+            if points.count != count:
+                raise ValueError(f"{name} has {points.count} points, and {self.names[0]} has {count}: "
+                                 "a stack requires equal numbers. Set sampling.count")
+            if list(points) != list(self.columns):
+                raise ValueError(f"{name} has other properties than {self.names[0]}: a stack requires the same ones")
+            for key, column in points.items():
+                self.columns[key][row] = column
+            self.names.append(name)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __repr__(self) -> str:
+        return f"<{len(self.names)} results, {len(self.missing)} missing, with {', '.join(self.columns)}>"
+
+    @property
+    def positions(self) -> Any:
+        """Of shape (M, N, 3)."""
+        return numpy.stack([self.columns[name] for name in ("x", "y", "z")], axis=2)
+
+    @property
+    def normals(self) -> Any:
+        """Of shape (M, N, 3)."""
+        return numpy.stack([self.columns[name] for name in ("nx", "ny", "nz")], axis=2)
 
 
 class Element:

@@ -1322,6 +1322,7 @@ class _QueueRest(TypedDict, total=False):
     accept: Sequence[Literal["converged", "unresolved", "not_converged"]]
     frames: str
     by_frame: Mapping[str, Union[Sequence[Any], QueueByFrameValue]]
+    files: Union[str, Sequence[str]]
     max_running: int
     chunk: int
     coherent: bool
@@ -1354,6 +1355,12 @@ class Queue(_QueueRest):
         {"from": 1, "to": 2}}: linear in the frame number, from the lowest to the highest frame. Only members
         of surface, region, sampling, solver and output may change; paths, slices, solver.threads and
         output.directory may not. At most 10000 frames.
+    files: The files of a data set; the job has one frame for each. A list of names, or a pattern such as
+        "meshes/*.ply", with * in its last part. At the submission, the service replaces a pattern by the
+        names of the files that exist below the input roots, in the order of their bytes. {file} in one input
+        path stands for the name: {"mesh": {"path": "{file}"}}. Frame k has file k, from 0. Names of uploads
+        may be listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most
+        100000 files; the setting max_files of the service may be lower.
     max_running: The maximum number of frames that run at the same time; 0: as many as the service has room
         for. (frames) Default: 0.
     chunk: The number of consecutive frames that run one after another, as the chunk size of render managers.

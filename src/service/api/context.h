@@ -39,6 +39,7 @@ struct http_context {
     wait_list *waiting;             /* dismissed when the service stops */
     const char *work_dir;           /* the directory of results/ and attempts/ */
     const char *worker;             /* path of hexad-worker */
+    size_t max_files;               /* of a data set */
     int max_attempts;               /* default for specs without limits.max_attempts */
     const user_numbers *priorities; /* highest allowed priority of each user; NULL: no limit */
     int64_t retention_s;            /* default for specs without retention, in seconds */

@@ -10,9 +10,11 @@
 
 #include "service/api/job_json.h"
 #include "base/core/compare.h"
+#include "base/core/file_format.h"
 #include "base/core/frames.h"
 #include "base/core/memory.h"
 #include "service/http/parameter.h"
+#include "spec/file_names.h"
 
 /* The first `most` names of a directory behind `after`, sorted. */
 typedef struct names {
@@ -238,6 +240,161 @@ bool files_find_frames(const http_context *c, const char *pattern, int **frames,
         return false;
     }
     *frames = found.item;
+    *count = found.count;
+    return true;
+}
+
+/* ---- files of a data set */
+
+/* A path with a pattern in the place of a name, cut at the part that has the pattern. */
+typedef struct name_pattern {
+    const char *path;
+    char *directory;      /* "": the path has none */
+    char *above;          /* directory of the pattern; begins each name */
+    char *before, *after; /* of the pattern, in the same part of the path */
+    const char *pattern;  /* its last part */
+    bool goes_on;         /* further parts follow */
+} name_pattern;
+
+static name_pattern cut_names(const char *path, const char *pattern)
+{
+    const char *place = strstr(path, FILE_NAMES_PLACE), *rest = place + strlen(FILE_NAMES_PLACE),
+               *slash = strrchr(pattern, '/');
+    size_t above = slash ? (size_t)(slash + 1 - pattern) : 0, first = (size_t)(place - path),
+           after = strcspn(rest, "/");
+    if (!above)
+        while (first > 0 && path[first - 1] != '/') first--;
+    return (name_pattern){.path = path,
+                          .directory = above ? mem_printf("%.*s%.*s", (int)first, path, (int)above, pattern)
+                                             : mem_strndup(path, first),
+                          .above = mem_strndup(pattern, above),
+                          .before = mem_strndup(path + first, above ? 0 : (size_t)(place - path) - first),
+                          .after = mem_strndup(rest, after),
+                          .pattern = pattern + above,
+                          .goes_on = rest[after] == '/'};
+}
+
+static void name_pattern_clear(name_pattern *p)
+{
+    free(p->directory);
+    free(p->above);
+    free(p->before);
+    free(p->after);
+}
+
+/* The name that the entry of a directory stands for, which the caller frees; NULL: it does not match. */
+static char *match_entry(const name_pattern *p, const char *entry)
+{
+    size_t length = strlen(entry), before = strlen(p->before), after = strlen(p->after);
+    if (*entry == '.' || length < before + after || strncmp(entry, p->before, before) != 0 ||
+        strcmp(entry + length - after, p->after) != 0 ||
+        !file_names_match(p->pattern, entry + before, (int)(length - before - after)))
+        return NULL;
+    return mem_printf("%s%.*s", p->above, (int)(length - before - after), entry + before);
+}
+
+/* Whether jobs may read the file with this name, a regular file or the directory of a volume. The kind of the
+ * directory's entry suffices for most files. */
+static bool is_file_readable(const http_context *c, const name_pattern *p, const struct dirent *entry,
+                             const char *name)
+{
+    struct stat info;
+    if (!p->goes_on && entry->d_type == DT_REG) return true;
+    char *path = file_names_path(p->path, name);
+    bool good = store_find_input(c->roots, path, &info) &&
+                (S_ISREG(info.st_mode) || file_format_of_name(path) == FILE_FORMAT_OME_ZARR);
+    free(path);
+    return good;
+}
+
+typedef struct found_names {
+    char **item;
+    size_t count, capacity, most;
+} found_names;
+
+/* Adds the names in one directory, up to one more than a job may have. */
+static bool add_names(const http_context *c, const name_pattern *p, const char *directory, found_names *out,
+                      error *e)
+{
+    DIR *listing = open_listing(c, directory, e);
+    if (!listing) return false;
+    for (struct dirent *entry; out->count <= out->most && (entry = readdir(listing));) {
+        char *name = match_entry(p, entry->d_name);
+        if (!name || !is_file_readable(c, p, entry, name)) {
+            free(name);
+            continue;
+        }
+        if (out->count == out->capacity)
+            out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
+        out->item[out->count++] = name;
+    }
+    closedir(listing);
+    return true;
+}
+
+/* Adds the names of a relative path, which is below one or several of the roots. */
+static void add_names_of_roots(const http_context *c, const name_pattern *p, found_names *out)
+{
+    bool is_directory;
+    const char *root;
+    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
+        char *directory = mem_printf("%s/%s", root, p->directory);
+        if (is_directory) add_names(c, p, directory, out, NULL);
+        free(directory);
+    }
+}
+
+static int compare_names(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* Sorts the names, and removes one that is below several roots. */
+static void sort_names(found_names *n)
+{
+    size_t kept = 0;
+    if (n->count) qsort(n->item, n->count, sizeof *n->item, compare_names);
+    for (size_t i = 0; i < n->count; i++) {
+        if (kept && strcmp(n->item[kept - 1], n->item[i]) == 0)
+            free(n->item[i]);
+        else
+            n->item[kept++] = n->item[i];
+    }
+    n->count = kept;
+}
+
+bool files_find_names(const http_context *c, const char *path, const char *pattern, size_t most, char ***out,
+                      size_t *count, error *e)
+{
+    name_pattern p = cut_names(path, pattern);
+    found_names found = {.most = most};
+    bool ok = true;
+    if (strstr(p.after, FILE_NAMES_PLACE))
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "a pattern and a path with two %s in one part exclude each other (given %s): list the "
+                       "files",
+                       FILE_NAMES_PLACE, path);
+    else if (*p.directory == '/')
+        ok = add_names(c, &p, p.directory, &found, e);
+    else
+        add_names_of_roots(c, &p, &found);
+    sort_names(&found);
+    if (ok && !found.count)
+        ok = error_set(e, ERROR_INPUT_MISSING,
+                       "no file below the input roots matches %s%s%s%s: check the directory and the name",
+                       p.directory, p.before, p.pattern, p.after);
+    if (ok && found.count > most)
+        ok = error_set(e, ERROR_SPEC_INVALID,
+                       "more than %zu files match %s, and a job of this service has at most as many (setting "
+                       "max_files): submit several jobs",
+                       most, pattern);
+    name_pattern_clear(&p);
+    if (!ok) {
+        for (size_t i = 0; i < found.count; i++) free(found.item[i]);
+        free(found.item);
+        return false;
+    }
+    *out = found.item;
     *count = found.count;
     return true;
 }

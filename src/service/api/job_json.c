@@ -12,6 +12,7 @@
 #include "files/sent_file.h"
 #include "service/http/reply.h"
 #include "service/results/result.h"
+#include "spec/file_names.h"
 
 void job_json_put_time(json *object, const char *key, int64_t wall_ms)
 {
@@ -179,6 +180,10 @@ void job_json_find_input(job_json_live *live, const queue_job *job, job_json_vie
     json_at root = json_root(document), surface = json_member(&root, "surface");
     const char *path = first_path(&surface), *slash = path ? strrchr(path, '/') : NULL;
     live->input_is_label = path && sent_file_match(path, sent);
+    if (path && file_names_has_place(path)) { /* a data set */
+        path = json_string(json_root(json_find(document, "/queue/files")), NULL);
+        slash = path ? strrchr(path, '/') : NULL;
+    }
     if (live->input_is_label)
         live->input = store_inputs_get_file_name(inputs, sent + strlen(STORE_INPUT_PREFIX), user);
     else
@@ -259,6 +264,7 @@ json *job_json_append_task(json *list, const queue_task *t)
     json *o = json_append_object(list);
     json_put_integer(o, "number", t->number);
     if (t->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", t->frame);
+    if (t->file) json_put_string(o, "file", t->file);
     json_put_string(o, "state", queue_state_name(t->state));
     json_put_string(o, "outcome", queue_outcome_name(t->outcome));
     json_put_integer(o, "attempt", t->attempt);
@@ -302,6 +308,7 @@ void job_json_append_worker(json *list, const queue_claimed *running, job_json_v
     json_put_string(o, "name", job->name);
     json_put_string(o, "owner", job->owner);
     put_frame(o, viewer, running->task.frame);
+    if (viewer != JOB_JSON_READER && running->task.file) json_put_string(o, "file", running->task.file);
     json_put_integer(o, "attempt", running->task.attempt);
     job_json_put_time(o, "started", running->task.started_ms);
     json_put_integer(o, "threads", job->threads);

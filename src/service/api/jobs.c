@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "service/api/data_set.h"
 #include "service/api/document_cache.h"
 #include "service/api/files.h"
 #include "service/api/uploads.h"
@@ -24,6 +25,8 @@
 #include "service/executor/cache.h"
 #include "service/http/parameter.h"
 #include "service/http/preconditions.h"
+#include "service/results/own_spec.h"
+#include "spec/file_names.h"
 #include "spec/spec.h"
 #include "files/file.h"
 
@@ -118,12 +121,29 @@ static spec *build_spec(const json *document, reply *r)
 typedef struct order {
     spec *s;
     json *paths;
+    data_set set;
 } order;
 
 static void order_clear(order *o)
 {
     spec_free(o->s);
     json_free(o->paths);
+    data_set_clear(&o->set);
+}
+
+static int first_frame(const order *o)
+{
+    return o->set.count ? o->set.frame[0] : o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME;
+}
+
+/* The path of a member in the first frame, which the caller frees. */
+static char *first_path(const order *o, const char *path)
+{
+    int frame = first_frame(o);
+    char *numbered = frame == QUEUE_NO_FRAME ? mem_strdup(path) : frames_path(path, frame);
+    char *named = file_names_path(numbered, o->set.count ? o->set.name[0] : NULL);
+    free(numbered);
+    return named;
 }
 
 /* Checks values that depend on the frame. This may take half a second of CPU time, so only one thread at a
@@ -208,6 +228,25 @@ static bool resolve_frames(const http_context *c, const access_caller *caller, j
     return o->s;
 }
 
+/* Finds the files of a data set. If there are none or too many, or the caller may not use them, sets a problem
+ * and returns false. */
+static bool resolve_files(const http_context *c, const access_caller *caller, order *o, reply *r)
+{
+    error e = {0};
+    char pointer[64];
+    if (o->s->files.is_pattern && !(caller->scopes & SCOPE_SUBMIT)) {
+        reply_set_problem(
+            r, "forbidden", NULL,
+            "/queue/files: a pattern requires the scope %s: use a token that has it, or list the "
+            "files",
+            scope_name(SCOPE_SUBMIT));
+        return false;
+    }
+    if (data_set_find(c, caller, o->s, &o->set, pointer, &e)) return true;
+    refuse_member(o, pointer, &e, r);
+    return false;
+}
+
 /* Parses the body into an order. If it is invalid, sets a problem and returns false. */
 static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
 {
@@ -223,7 +262,8 @@ static bool read_order(const http_context *c, const http_request *request, order
         spec_free(o->s);
         o->s = build_spec(document, r);
     }
-    bool ok = o->s && resolve_frames(c, request->caller, document, o, r);
+    bool ok =
+        o->s && resolve_frames(c, request->caller, document, o, r) && resolve_files(c, request->caller, o, r);
     json_free(document);
     return ok && check_frames(c, o->s, r);
 }
@@ -236,7 +276,7 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     const spec *s = o->s;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
-        char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        char *path = first_path(o, input.path);
         bool good = uploads_check(c, caller, path, &e);
         free(path);
         if (good) continue;
@@ -253,7 +293,7 @@ static bool check_output(const http_context *c, const access_caller *caller, con
     error e = {0};
     const spec *s = o->s;
     if (!s->directory) return true;
-    char *path = output_place_directory(s->directory, s->frames ? s->frame[0] : QUEUE_NO_FRAME);
+    char *path = output_place_directory(s->directory, first_frame(o));
     bool good = output_place_check(c->outputs, caller->user, path, &e);
     free(path);
     if (!good) refuse_member(o, "/output/directory", &e, r);
@@ -637,6 +677,16 @@ static void offer(const http_context *c, const queue_submission *put, const queu
     free(inputs);
 }
 
+/* The spec as text, without the list of files: each task has its file. */
+static char *print_spec(const order *o)
+{
+    json *document = json_copy(o->s->normalised);
+    if (o->set.count && !o->s->files.is_pattern) json_remove(json_find(document, "/queue"), "files");
+    char *text = json_print(document);
+    json_free(document);
+    return text;
+}
+
 static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     const spec *s = o->s;
@@ -647,8 +697,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     size_t sent_count = 0;
     if (!read_key(request, hash, &key, r) || !check_rate(c, request, key, r)) return;
     char **sent = list_sent(s, &sent_count);
-    char *labels = print_labels(s), *text = json_print(s->normalised),
-         *paths = o->paths ? json_print(o->paths) : NULL,
+    char *labels = print_labels(s), *text = print_spec(o), *paths = o->paths ? json_print(o->paths) : NULL,
          *webhook = s->webhook ? webhook_address(s->webhook) : NULL;
     queue_submission submission = {
         .name = s->name,
@@ -662,8 +711,11 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .threads = s->threads,
         .memory_mb = s->memory_mb,
         .retention_s = s->retention_s > 0 ? s->retention_s : c->retention_s,
-        .frames = s->frame,
-        .frame_count = s->frame_count,
+        .frames = o->set.count ? o->set.frame : s->frame,
+        .frame_count = o->set.count ? o->set.count : s->frame_count,
+        .files = (const char *const *)o->set.name,
+        .file_inputs = (const char *const *)o->set.sent,
+        .file_input_count = o->set.sent_count,
         .ordered = s->coherent,
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
@@ -717,6 +769,25 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
+/* The spec of the first frame as text. */
+static char *print_first(const order *o)
+{
+    char *text = json_print(o->s->normalised);
+    char *own = o->set.count ? own_spec_make(text, o->set.name[0]) : NULL;
+    if (own) free(text);
+    return own ? own : text;
+}
+
+/* The names of the uploaded files that the first frame reads; to be freed by free_sent. */
+static char **list_sent_first(const order *o, size_t *count)
+{
+    char own[STORE_INPUT_NAME_SIZE], **names = list_sent(o->s, count);
+    if (!o->set.count || !sent_file_match(o->set.name[0], own)) return names;
+    names = mem_resize(names, (*count + 1) * sizeof *names);
+    names[(*count)++] = mem_strdup(own);
+    return names;
+}
+
 /* Adds `estimate`, or null with the reason in `estimate_missing`: the caller lacks the scope `submit`,
  * say. *busy: a later request may get an estimate. False if the job would fail: *r is then set to the
  * problem. */
@@ -737,11 +808,10 @@ static bool put_estimate(const http_context *c, const http_request *request, con
                   scope_name(SCOPE_SUBMIT));
     } else if (c->estimator) {
         size_t sent_count = 0;
-        char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
-        outcome =
-            estimator_run(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent, sent_count,
-                          o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads, memory_mb,
-                          clock_seconds(parameter_integer(request, "within_ms", 0)), &found, &e);
+        char *text = print_first(o), **sent = list_sent_first(o, &sent_count);
+        outcome = estimator_run(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent,
+                                sent_count, first_frame(o), threads, memory_mb,
+                                clock_seconds(parameter_integer(request, "within_ms", 0)), &found, &e);
         free_sent(sent, sent_count);
         free(text);
     } else {

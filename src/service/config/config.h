@@ -53,7 +53,7 @@ typedef struct config {
     char *output_group;                       /* "": unchanged */
     bool strict;                              /* --strict, of --check-settings */
     int64_t workers, threads, host_memory_mb; /* 0: from the resources of the host */
-    int64_t memory_mb, max_attempts, max_interruptions;
+    int64_t memory_mb, max_attempts, max_interruptions, max_files;
     int64_t cache;   /* 0: no */
     int64_t file_mb; /* 0: no limit */
     sandbox_mode sandbox;

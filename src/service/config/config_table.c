@@ -188,6 +188,9 @@ const config_row config_table[] = {
      .unit = "attempts",
      .help = "The number of attempts of a job whose worker crashes, for a job without "
              "limits.max_attempts."},
+    {SETTING(max_files), .type = CONFIG_INTEGER, .default_text = "100000", .low = 1, .high = 100000,
+     .unit = "files",
+     .help = "The number of files of a data set (queue.files), each of which is a frame of its job."},
     {SETTING(max_interruptions), .type = CONFIG_INTEGER, .default_text = "20", .low = 0, .high = 1000000,
      .unit = "attempts",
      .help = "How often a stop or crash of hexad or of its host may end an attempt of a job (of an array: of "

@@ -9,14 +9,17 @@
 #define TEXT_OF(x) #x
 #define TEXT(x) TEXT_OF(x)
 
-/* The uploaded files that jobs read. */
+/* The uploaded files that jobs read, and whether only one task of the job reads the file (`file` of a task). */
+#define OF_TASK "of_task INTEGER NOT NULL DEFAULT 0"
+#define INPUTS_OF_ALL "CREATE INDEX input_of_all ON input (job, name) WHERE of_task = 0;"
 #define INPUTS                                                       \
     "CREATE TABLE input ("                                           \
     "  name TEXT NOT NULL,"                                          \
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE," \
+    "  " OF_TASK ","                                                 \
     "  PRIMARY KEY (name, job)"                                      \
     ") STRICT, WITHOUT ROWID;"                                       \
-    "CREATE INDEX input_by_job ON input (job);"
+    "CREATE INDEX input_by_job ON input (job);" INPUTS_OF_ALL
 
 /* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0:
  * the service's own. */
@@ -194,6 +197,8 @@
 #define CHUNK "chunk INTEGER NOT NULL DEFAULT 1 CHECK (chunk >= 1)"
 #define CHUNKS_BUSY "chunks_busy INTEGER NOT NULL DEFAULT 0"
 #define WAITS "waits INTEGER NOT NULL DEFAULT 0"
+/* The name of the task's file (queue.files). */
+#define FILE_NAME "file TEXT"
 #define BY_FRAME "by_frame INTEGER NOT NULL DEFAULT 0"
 #define TASK_READY                                                                        \
     "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued' AND waits = 0;" \
@@ -287,7 +292,7 @@ static const char tables[] =
     "  finished_ms INTEGER,"
     "  error_code TEXT,"
     "  error_message TEXT,"
-    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ", " WAITS ","
+    "  " IS_DELIVERED ", " COPY_CODE ", " COPY_MESSAGE ", " WAITS ", " FILE_NAME ","
     "  PRIMARY KEY (job, number)"
     ") STRICT, WITHOUT ROWID;"
     "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;" TASK_READY
@@ -395,6 +400,9 @@ static const char add_cached_shown[] =
     "  WHERE maker.id = job.cached_from), 0) WHERE cached_from IS NOT NULL;"
     "UPDATE attempt SET reason = 'the result of an equal job' WHERE reason GLOB 'the result of *' AND"
     "  job IN (SELECT seq FROM job WHERE cached_from IS NOT NULL);";
+/* Migration from version 19, in which no task had a file. */
+static const char add_files[] = "ALTER TABLE task ADD COLUMN " FILE_NAME ";"
+                                "ALTER TABLE input ADD COLUMN " OF_TASK ";" INPUTS_OF_ALL;
 /* Migration from versions in which a job failed if its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
@@ -411,19 +419,11 @@ static const struct step {
     int first, last;
     const char *sql;
 } steps[] = {
-    {0, 0, tables},
-    {11, 14, add_max_running}, /* these three before the index job_ready, whose condition has their columns */
-    {11, 16, add_chunks},
-    {11, 15, add_frame_needs},
-    {16, 16, renew_ready},
-    {11, 11, add_running},
-    {11, 11, add_reports},
-    {11, 12, add_undelivered},
-    {11, 13, add_accept},
-    {11, 17, add_cached_shown},
-    {11, 18, forget_results},
-    {11, 11, find_linked_reports},
-    {11, 11, find_copies},
+    {0, 0, tables},           {11, 14, add_max_running}, /* these three before the index job_ready, whose condition has their columns */
+    {11, 16, add_chunks},     {11, 15, add_frame_needs},     {16, 16, renew_ready},
+    {11, 11, add_running},    {11, 11, add_reports},         {11, 12, add_undelivered},
+    {11, 13, add_accept},     {11, 17, add_cached_shown},    {11, 19, add_files},
+    {11, 18, forget_results}, {11, 11, find_linked_reports}, {11, 11, find_copies},
 };
 
 bool schema_error_is_damage(int code)

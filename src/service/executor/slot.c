@@ -16,9 +16,11 @@
 #include "base/json/json.h"
 #include "service/results/kept_result.h"
 #include "service/results/own_report.h"
+#include "service/results/own_spec.h"
 #include "service/results/publication.h"
 #include "service/results/result.h"
 #include "files/file.h"
+#include "files/sent_file.h"
 
 typedef struct limits {
     double timeout_s, stall_s; /* 0: none */
@@ -236,21 +238,34 @@ static bool take_kept(slot *s)
            settlement_decide_kept(w->directory, &w->settlement, NULL);
 }
 
+/* The names of the uploaded files that the task reads, `count` of them: those that all tasks read, and its own
+ * file. The caller frees the list, but not the names. */
+static const char **list_inputs(const queue_claimed *c, char own[STORE_INPUT_NAME_SIZE], size_t *count)
+{
+    const char **names = mem_alloc((c->input_count + 1) * sizeof *names);
+    for (*count = 0; *count < c->input_count; ++*count) names[*count] = c->inputs[*count];
+    if (c->task.file && sent_file_match(c->task.file, own)) names[(*count)++] = own;
+    return names;
+}
+
 static bool start_worker(slot *s, error *e)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
     const queue_claimed *c = &w->claimed;
-    size_t root_count = 0;
-    char **roots = input_permissions_list((const char *const *)c->inputs, c->input_count, x->inputs,
-                                          x->input_roots, x->input_root_count, &root_count);
+    size_t root_count = 0, input_count = 0;
+    char own_file[STORE_INPUT_NAME_SIZE];
+    const char **inputs = list_inputs(c, own_file, &input_count);
+    char **roots = input_permissions_list(inputs, input_count, x->inputs, x->input_roots, x->input_root_count,
+                                          &root_count);
+    char *own_spec = c->task.file ? own_spec_make(c->job.spec, c->task.file) : NULL;
     char *previous =
         c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->work_dir, c->job.id, c->previous);
     engine_request request = {
         .worker = x->worker,
         .command = WORKER_COMMAND_RUN,
         .directory = w->directory,
-        .spec = c->job.spec,
+        .spec = own_spec ? own_spec : c->job.spec,
         .input_roots = (const char *const *)roots,
         .input_root_count = root_count,
         .memory_mb = w->memory_mb,
@@ -277,6 +292,8 @@ static bool start_worker(slot *s, error *e)
     else if (store_directory_add(w->directory, e))
         w->attempt = x->engine->start(x->engine_place, &request, e);
     free(previous);
+    free(own_spec);
+    free(inputs);
     input_permissions_free(roots, root_count);
     return w->attempt != NULL;
 }

@@ -91,11 +91,12 @@ static bool insert_tasks(database *d, const queue_adoption *a, int64_t seq, erro
     bool ok = true;
     for (size_t i = 0; ok && i < a->task_count; i++)
         ok = RUN(d, e,
-                 "INSERT INTO task (job, number, frame, state, outcome, finished_ms)"
-                 " VALUES (?1, ?2, ?3, 'succeeded', ?4, ?5)",
+                 "INSERT INTO task (job, number, frame, state, outcome, finished_ms, file)"
+                 " VALUES (?1, ?2, ?3, 'succeeded', ?4, ?5, ?6)",
                  integer(seq), integer((int64_t)i),
                  integer_if(a->tasks[i].frame, a->tasks[i].frame != QUEUE_NO_FRAME),
-                 text(queue_outcome_name(a->tasks[i].outcome)), integer(a->tasks[i].finished_ms));
+                 text(queue_outcome_name(a->tasks[i].outcome)), integer(a->tasks[i].finished_ms),
+                 text(a->tasks[i].file));
     return ok;
 }
 

@@ -72,6 +72,7 @@ void job_row_read_task(sqlite3_stmt *s, int at, queue_task *task)
         .storage_faults = sqlite3_column_int(s, at + 12),
         .interrupted = sqlite3_column_int(s, at + 13),
         .waits = sqlite3_column_int(s, at + 14),
+        .file = database_text(s, at + 15),
     };
     /* "delayed" is internal: for callers such a task is queued */
     queue_state_from_name(strcmp(state, "delayed") == 0 ? "queued" : state, &task->state);

@@ -23,9 +23,9 @@
 #define TASK_COLUMNS                                                                                   \
     "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms," \
     " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms,"            \
-    " task.storage_faults, task.interrupted, task.waits"
+    " task.storage_faults, task.interrupted, task.waits, task.file"
 
-#define TASK_COLUMN_COUNT 15
+#define TASK_COLUMN_COUNT 16
 
 /* `at`: index of the first of the columns. The spec is not read. Texts are allocated; queue_job_clear and
  * queue_task_clear free them. */

@@ -19,17 +19,20 @@ static bool store_error(database *d, const job_state *j, error *e)
     int ended = j->state == QUEUE_FAILED      ? j->failed
                 : j->state == QUEUE_TIMED_OUT ? j->timed_out
                                               : j->cancelled_tasks;
-    sqlite3_stmt *s = ASK(d, e,
-                          "SELECT error_code, error_message, frame FROM task WHERE job = ?1 AND state = ?2"
-                          " ORDER BY number LIMIT 1",
-                          integer(j->seq), text(queue_state_name(j->state)));
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT error_code, error_message, frame, file FROM task WHERE job = ?1 AND state = ?2"
+            " ORDER BY number LIMIT 1",
+            integer(j->seq), text(queue_state_name(j->state)));
     while (database_next(d, s, &ok, e)) {
         read = true;
         code = database_text(s, 0);
         message = database_text(s, 1);
         if (j->array && message) {
-            char *whole = mem_printf("%d of %d frames %s; frame %d: %s", ended, j->tasks,
-                                     queue_state_name(j->state), sqlite3_column_int(s, 2), message);
+            const char *file = (const char *)sqlite3_column_text(s, 3);
+            char *whole = mem_printf("%d of %d frames %s; frame %d%s%s%s: %s", ended, j->tasks,
+                                     queue_state_name(j->state), sqlite3_column_int(s, 2), file ? " (" : "",
+                                     file ? file : "", file ? ")" : "", message);
             free(message);
             message = whole;
         }

@@ -173,6 +173,7 @@ void queue_jobs_free(queue_job *jobs, size_t count)
 
 void queue_task_clear(queue_task *task)
 {
+    free(task->file);
     free(task->error_code);
     free(task->error_message);
     *task = (queue_task){0};

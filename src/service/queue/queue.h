@@ -185,8 +185,11 @@ typedef struct queue_submission {
     unsigned accept; /* set of outcomes with which jobs that depend on this one start; 0: all */
     int max_running; /* tasks of the job that run at the same time; 0: any number */
     int chunk; /* consecutive tasks that run one after another (queue_claim); 0 and 1: none. 1 if `ordered` */
-    const char *const *inputs; /* names of the uploaded files that the job reads */
+    const char *const *inputs; /* names of the uploaded files that all tasks read */
     size_t input_count;
+    const char *const *files;       /* for each of `frames` the name of its file, opaque; NULL: none */
+    const char *const *file_inputs; /* names of the uploaded files that single tasks read */
+    size_t file_input_count;
     int64_t timeout_ms, stall_ms; /* limits of an attempt; 0: the service's own */
     const char *directory;        /* directory for a copy of the results, see frames_path; NULL: no copy */
     const char *cache_key;        /* jobs with the same key have the same result; NULL: it is not reused */
@@ -373,6 +376,7 @@ bool queue_store_running(queue *q, error *e);
 typedef struct queue_task {
     int number;        /* 0, 1, ... in the job */
     int frame;         /* QUEUE_NO_FRAME: the job is not an array */
+    char *file;        /* see queue_submission.files; NULL: none */
     queue_state state; /* queued, running or final */
     queue_outcome outcome;
     int attempt;           /* number of the last claim; 0: none */
@@ -417,7 +421,7 @@ typedef struct queue_claimed {
     queue_task task;
     int64_t timeout_ms, stall_ms; /* these and the next members: see queue_submission */
     char *directory, *cache_key;
-    char **inputs;
+    char **inputs; /* those that all tasks read */
     size_t input_count;
     int previous; /* in an ordered job: the last earlier frame that succeeded; QUEUE_NO_FRAME: none */
     int chunk;    /* number of its chunk in the job; -1: none */
@@ -661,7 +665,8 @@ bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome,
 
 /* A job that is missing in the queue, from its results. It has succeeded. */
 typedef struct queue_adopted_task {
-    int frame; /* QUEUE_NO_FRAME: the only task */
+    int frame;  /* QUEUE_NO_FRAME: the only task */
+    char *file; /* NULL: none */
     queue_outcome outcome;
     int64_t finished_ms;
 } queue_adopted_task;

@@ -216,8 +216,9 @@ static bool insert_tasks(database *d, const submitting *s, const job_state *j, e
 {
     bool ok = true;
     for (int i = 0; ok && i < j->tasks; i++)
-        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(j->seq),
-                 integer(i), integer_if(j->array ? s->in->frames[i] : 0, j->array));
+        ok = RUN(d, e, "INSERT INTO task (job, number, frame, file) VALUES (?1, ?2, ?3, ?4)", integer(j->seq),
+                 integer(i), integer_if(j->array ? s->in->frames[i] : 0, j->array),
+                 text(s->in->files ? s->in->files[i] : NULL));
     for (size_t i = 0; ok && i < count_needs(s->in); i++) {
         need_kind kind;
         const char *id = need_at(s->in, i, &kind);
@@ -229,6 +230,9 @@ static bool insert_tasks(database *d, const submitting *s, const job_state *j, e
     for (size_t i = 0; ok && i < s->in->input_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job) VALUES (?1, ?2)", text(s->in->inputs[i]),
                  integer(j->seq));
+    for (size_t i = 0; ok && i < s->in->file_input_count; i++)
+        ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job, of_task) VALUES (?1, ?2, 1)",
+                 text(s->in->file_inputs[i]), integer(j->seq));
     return ok;
 }
 

@@ -26,6 +26,7 @@ static void restored_clear(restored *j)
     free(j->name);
     free(j->labels);
     free(j->spec);
+    for (size_t i = 0; i < j->is.task_count; i++) free(j->is.tasks[i].file);
     free(j->is.tasks);
     *j = (restored){0};
 }
@@ -77,6 +78,15 @@ static void remove_job_data(json *spec)
     }
 }
 
+/* Moves the name of the frame's file from the spec of a report to *file, which the caller frees. */
+static void take_file(json *report, char **file)
+{
+    const char *name = json_string(json_root(json_find(report, "/spec/queue/files/0")), NULL);
+    if (!name) return;
+    *file = mem_strdup(name);
+    json_remove(json_find(report, "/spec/queue"), "files");
+}
+
 /* Reads the job from the report of a directory, unless an earlier frame gave it. *finished_ms: when the
  * report was written (wall clock). False if the report has no spec. */
 static bool take_report(const char *directory, json *report, bool shared, restored *j, int64_t *finished_ms)
@@ -114,12 +124,14 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
     json *report = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode)
                        ? result_read_report(directory, &r, &why)
                        : NULL;
+    if (report) take_file(report, &task.file);
     bool ok = report && take_report(directory, report, is_shared(directory, &r), j, &task.finished_ms);
     if (ok) {
         task.outcome = r.outcome;
         j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);
         j->is.tasks[j->is.task_count++] = task;
     } else {
+        free(task.file);
         log_write(LOG_LEVEL_WARNING, "cannot adopt a result: %s: %s", directory,
                   *why.message ? why.message : "it is not a directory, or its report has no spec");
     }
