@@ -38,9 +38,9 @@ typedef struct mesh_values {
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices can
+/* mesh_file_read, and the attributes. Files other than VTK are read by assimp. Therefore their vertices can
  * differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them.
- * There are no notes. The formats VTK and GIfTI, and glTF files with quantised positions, are
+ * There are no notes. The format GIfTI, and glTF files with quantised positions, are
  * input_unsupported. *out and *values are unchanged on failure; free both after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);

@@ -73,8 +73,10 @@ bool corners_find(const attribute_request *request, point_attribute_kind *kind, 
     attribute_mesh *kept;
     size_t which;
     if (!find_mesh(request, &kept, &which, e)) return false;
-    *kind = kinds[kept->values.head[which].kind];
-    *components = (int)kept->values.head[which].components;
+    const mesh_reader_values *head = &kept->values.head[which];
+    const bool is_vector = head->kind == MESH_VALUES_NUMBER && head->components == 3;
+    *kind = is_vector ? POINT_ATTRIBUTE_VECTOR : kinds[head->kind];
+    *components = (int)head->components;
     return true;
 }
 
