@@ -159,7 +159,8 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
     assert ratio.std() / ratio.mean() < 0.01 and columns["spacing"].max() > 4.5 * columns["spacing"].min()
     assert report["quality"]["grading"]["cv"] <= 0.02
     assert [i["path"].split("/")[-1] for i in report["inputs"]][-1] == "spacing.vdb"
-    for wrong, code, word in (({"name": "paint"}, "spec_invalid", "requires a path"),
+    own = ("attribute_missing", "\"paint\": choose one of") if kind == "mesh" else ("spec_invalid", "requires a path")
+    for wrong, code, word in (({"name": "paint"}, *own),
                               ({"path": path, "name": "other"}, "grid_missing", "paint"),
                               ({"path": path + "x", "name": "paint"}, "input_missing", "spacing.vdbx")):
         e, _ = carry(surface, [], sampling={"count": 100, "grid": wrong})

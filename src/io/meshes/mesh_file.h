@@ -45,6 +45,9 @@ typedef struct mesh_values {
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
 
+/* Finds the array with this name, or NULL for none. Error: attribute_missing, with the names that there are. */
+bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e);
+
 /* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is
  * corner first[p] of all. Polygons are numbered from 0 in the order of the file, those of fewer than three
  * corners included. */
