@@ -9,6 +9,7 @@ to the field (measurements/meshes/painted.csv).
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. Exponent and CV are computed here, from the request and the Voronoi cells
 of points.ply. Medians over the seeds. A job misses a bound if it is farther than these from that of the volume.
 """
+import os
 import pathlib
 import sys
 import tempfile
@@ -94,7 +95,7 @@ def figures(grid, field, box, options, work):
     low, side = box
     for seed in range(1, options.seeds + 1):
         path = pathlib.Path(options.data) / "meshes" / MESH
-        points, report, spent = graded.run(options.worker, path, {"sampling": {"grid": grid}}, options.count, seed, work)
+        points, report, spent = graded.run(os.path.abspath(options.worker), path, {"sampling": {"grid": grid}}, options.count, seed, work)
         request = points.spacing / field((points.position - low) / side)
         found.append([*graded.keeping(points, False), request.std() / request.mean(), report["quality"]["hex_fraction"],
                       report["quality"]["coverage"], spent])

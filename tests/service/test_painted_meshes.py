@@ -7,9 +7,9 @@ import json
 import numpy
 import pytest
 
+from ply_files import write_ply
 from readers import read_columns
 from service import expect_problem
-from test_attributes import write_ply
 from vtk_files import write_xml
 
 N = 72
