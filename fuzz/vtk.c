@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* The same bytes as a legacy file and as an XML file of VTK, in the process that reads. */
+/* The same bytes as a legacy file and as an XML file of VTK, with the values of the vertices, in the process that reads. */
 #include <string.h>
 
 #include "fuzz/target.h"
@@ -8,12 +8,14 @@
 static void read_as(const char *ending, const char *data, size_t size)
 {
     plain_mesh m;
-    if (!plain_mesh_read(ending, data, size, &m)) {
+    if (!plain_mesh_read_values(ending, data, size, &m)) {
         expect(m.refused != ERROR_NONE && *m.text);
         return;
     }
     for (size_t n = 0; n < m.triangles; n++)
         for (int k = 0; k < 3; k++) expect(m.triangle[n][k] < m.vertices);
+    for (uint32_t k = 0; k < m.value_arrays; k++)
+        expect(m.values[k].value && m.values[k].head.components <= MESH_VALUES_COMPONENTS);
     plain_mesh_free(&m);
 }
 

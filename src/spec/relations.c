@@ -59,8 +59,10 @@ void relations_set_defaults(reading *r)
 static void check_grid(reading *r, const json_at *at, const spec *s)
 {
     const json_at sampling = json_member(at, "sampling"), grid = json_member(&sampling, "grid");
-    if (s->has_grid && !s->grid.path && s->surface.kind != SPEC_SURFACE_VDB)
-        reading_add_fault(r, &grid, "requires a path, because the surface is not a VDB file");
+    if (s->has_grid && !s->grid.path && s->surface.kind != SPEC_SURFACE_VDB &&
+        s->surface.kind != SPEC_SURFACE_MESH)
+        reading_add_fault(r, &grid,
+                          "requires a path, because the surface is neither a VDB file nor a mesh file");
 }
 
 static void check_solver(reading *r, const json_at *at, const spec *s)

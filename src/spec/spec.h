@@ -174,8 +174,10 @@ typedef struct spec_curvature { /* grading by curvature: one of chord_error and 
 } spec_curvature;
 
 typedef struct spec_grid { /* grading by a map */
-    char *path;            /* NULL: in the surface's VDB file */
+    char *path;            /* NULL: in the surface's file */
     char *name;
+    bool has_component;
+    int component; /* of the value of vertices */
     spec_map_kind kind;
 } spec_grid;
 

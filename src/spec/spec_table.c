@@ -1164,8 +1164,8 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_grid),
      .prose =
-         "Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is "
-         "scaled so that it needs as many points as the target. Requires the method sized."},
+         "Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh file. The "
+         "requested spacing is scaled so that it needs as many points as the target. Requires the method sized."},
     {.pointer = MEMBER("/sampling/grid", "path"),
      .title = "File",
      .type = SPEC_TYPE_STRING,
@@ -1173,24 +1173,38 @@ const spec_row spec_rows[] = {
      .high = 4096,
      AT(grid.path),
      .prose =
-         "The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may "
-         "have a map in a file of its own, in world space."},
+         "The file: OpenVDB, or a mesh. Default: that of the surface, which then must be a grid of an OpenVDB file or a "
+         "mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each place the value of "
+         "the nearest point of its triangles."},
     {.pointer = MEMBER("/sampling/grid", "name"),
-     .title = "Name of the grid",
+     .title = "Name of the grid or value",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1024,
      AT(grid.name),
-     .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second."},
+     .prose =
+         "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. Of a mesh: the "
+         "name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an array of the "
+         "points of a VTK file, or color."},
+    {.pointer = MEMBER("/sampling/grid", "component"),
+     .title = "Component of the value",
+     .type = SPEC_TYPE_INTEGER,
+     .low = 0,
+     .high = 3,
+     AT_HAS(grid.component, grid.has_component),
+     .prose =
+         "The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and opacity, from 0 to 1. "
+         "Required if the value has several components; only for meshes."},
     {.pointer = MEMBER("/sampling/grid", "kind"),
      .title = "Meaning of the values",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
      AT(grid.kind),
-     .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
-              "area; where the density is 0, only max_spacing and gradation determine the points."},
+     .prose =
+         "spacing: values are distances between neighbours, above 0. density: values are points per unit of "
+         "area; where the density is 0, only max_spacing and gradation determine the points."},
     {.pointer = MEMBER("/sampling", "points"),
      .title = "Existing points",
      .type = SPEC_TYPE_GROUP,

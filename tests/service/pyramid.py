@@ -17,7 +17,8 @@ AREA = 4 + 4 * numpy.sqrt(1 + 1.5 ** 2)
 
 @pytest.fixture
 def mesh_reader(build):
-    """What the reader process returns for a file: (vertices, triangles, warnings, others), or the text of a refusal."""
+    """What the reader process returns for a file: (vertices, triangles, warnings, others), or the text of a refusal. With the
+    command read-mesh-values also the arrays by name: (kind, numbers of each vertex)."""
     def call(path, command="read-mesh"):
         with open(path, "rb") as file:
             done = subprocess.run([build / "hexad-worker", command, path.suffix[1:], str(512 << 20), "10"], stdin=file,
@@ -30,10 +31,25 @@ def mesh_reader(build):
             return text
         vertices, triangles, others, crossed, end = struct.unpack_from("<5Q", done.stdout, 24 + length)
         rest = done.stdout[24 + length + size:]
-        assert len(rest) == 24 * vertices + 12 * triangles
-        return (numpy.frombuffer(rest, "<f8", 3 * vertices).reshape(-1, 3),
-                numpy.frombuffer(rest, "<u4", 3 * triangles, 24 * vertices).reshape(-1, 3), text, others)
+        answer = (numpy.frombuffer(rest, "<f8", 3 * vertices).reshape(-1, 3),
+                  numpy.frombuffer(rest, "<u4", 3 * triangles, 24 * vertices).reshape(-1, 3), text, others)
+        rest = rest[24 * vertices + 12 * triangles:]
+        if command == "read-mesh-values":
+            return (*answer, read_values(rest, vertices))
+        assert not rest
+        return answer
     return call
+
+
+def read_values(data, vertices):
+    (count,), at, arrays = struct.unpack_from("<I", data), 4, {}
+    for _ in range(count):
+        name, kind, components = struct.unpack_from("<64sII", data, at)
+        numbers = numpy.frombuffer(data, "<f4", vertices * components, at + 72).reshape(vertices, components)
+        arrays[name.split(b"\0")[0].decode()] = (("number", "whole", "normal", "color", "uv")[kind], numbers)
+        at += 72 + numbers.nbytes
+    assert at == len(data)
+    return arrays
 
 
 def area(vertices, triangles):

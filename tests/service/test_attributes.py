@@ -9,6 +9,7 @@ import numpy
 import pytest
 from scipy import ndimage
 
+from ply_files import write_ply
 from readers import read_columns, read_exr
 from volumes import Part, write_exr, write_nifti, write_nrrd
 
@@ -159,7 +160,8 @@ def test_a_map_in_a_file_of_its_own(carry, write_vdb, tmp_path, diagnose, kind):
     assert ratio.std() / ratio.mean() < 0.01 and columns["spacing"].max() > 4.5 * columns["spacing"].min()
     assert report["quality"]["grading"]["cv"] <= 0.02
     assert [i["path"].split("/")[-1] for i in report["inputs"]][-1] == "spacing.vdb"
-    for wrong, code, word in (({"name": "paint"}, "spec_invalid", "requires a path"),
+    own = ("attribute_missing", "\"paint\": choose one of") if kind == "mesh" else ("spec_invalid", "requires a path")
+    for wrong, code, word in (({"name": "paint"}, *own),
                               ({"path": path, "name": "other"}, "grid_missing", "paint"),
                               ({"path": path + "x", "name": "paint"}, "input_missing", "spacing.vdbx")):
         e, _ = carry(surface, [], sampling={"count": 100, "grid": wrong})
@@ -411,29 +413,6 @@ def patchwork(n=10):
             faces.append(numpy.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) + sum(map(len, corners)))
             corners.append(place)
     return numpy.concatenate(corners), numpy.concatenate(faces)
-
-
-def write_ply(path, vertices, faces, values, form):
-    """`values`: name to (type, numbers)."""
-    names = ["property float x", "property float y", "property float z", *(f"property {t} {n}" for n, (t, _) in values.items())]
-    head = "\n".join(["ply", f"format {form} 1.0", f"element vertex {len(vertices)}", *names, f"element face {len(faces)}",
-                      "property list uchar int vertex_indices", "end_header"]) + "\n"
-    if form == "ascii":
-        rows = numpy.column_stack([vertices, *(v for _, v in values.values())])
-        body = "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
-        body += "".join("3 " + " ".join(map(str, f)) + "\n" for f in faces)
-        path.write_bytes((head + body).encode())
-        return
-    order = "<" if "little" in form else ">"
-    kinds = {"float": "f4", "uchar": "u1", "double": "f8", "short": "i2"}
-    table = numpy.empty(len(vertices), [(a, order + "f4") for a in "xyz"] + [(n, order + kinds[t]) for n, (t, _) in values.items()])
-    for axis, name in enumerate("xyz"):
-        table[name] = vertices[:, axis]
-    for name, (_, numbers) in values.items():
-        table[name] = numbers
-    packed = numpy.empty(len(faces), [("n", "u1"), ("corner", order + "i4", 3)])
-    packed["n"], packed["corner"] = 3, faces
-    path.write_bytes(head.encode() + table.tobytes() + packed.tobytes())
 
 
 def on_nearest_triangle(vertices, faces, values, points):

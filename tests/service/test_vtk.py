@@ -7,7 +7,8 @@ import numpy
 import pytest
 
 from pyramid import AREA, POINTS, POLYS, STRIP, assert_pyramid
-from vtk_files import write_legacy, write_xml
+from readers import read_columns
+from vtk_files import LEGACY_TYPES, numbers_of, write_legacy, write_xml
 
 LEGACY_CELLS = {"VERTICES": [[0], [1, 2]], "LINES": [[0, 1, 2]], "POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]}
 XML_CELLS = {"Verts": [[0]], "Lines": [[0, 1]], "Strips": [STRIP], "Polys": POLYS}
@@ -171,6 +172,98 @@ def test_files_that_end_early(mesh_reader, tmp_path):
             assert isinstance(answer, str) or len(answer[1]) < 6, (name, share, answer)
 
 
-def test_values_of_vertices_are_refused_by_name(mesh_reader, tmp_path):
-    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS)
-    assert "save it as PLY for attributes" in mesh_reader(tmp_path / "v.vtk", "read-mesh-values")
+# ---- values of points
+
+def legacy_array(head, values, binary):
+    """An array of values with its first line, in which TYPE is the type; SCALARS have a table."""
+    line = head.replace("TYPE", LEGACY_TYPES[values.dtype.str[1:]])
+    return (f"{line}\n" + ("LOOKUP_TABLE default\n" if line.startswith("SCALARS") else "")).encode() + numbers_of(values, binary)
+
+
+def random_values(seed):
+    rng = numpy.random.default_rng(seed)
+    of = {"curvature": rng.random(5).astype("f8"), "two words": rng.random((5, 2)).astype("f4"), "wind": rng.random((5, 3)).astype("f4"),
+          "up": rng.random((5, 3)).astype("f4"), "st": rng.random((5, 2)).astype("f4"), "stress": rng.random((5, 9)).astype("f4"),
+          "number": rng.integers(-99, 99, 5).astype("i2"), "pair": rng.integers(0, 99, (5, 2)).astype("i4")}
+    return of, rng
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("binary", [False, True])
+def test_values_of_legacy_files(mesh_reader, tmp_path, binary):
+    of, rng = random_values(3)
+    cells, table = rng.random(7).astype("f4"), rng.integers(0, 256, (2, 4)).astype("u1")
+    paint = rng.integers(0, 256, (5, 3)).astype("u1")
+    bytes_of = (lambda v: numbers_of(v, True)) if binary else (lambda v: numbers_of(v / 255, False))
+    behind = b"CELL_DATA 7\n" + legacy_array("SCALARS curvature TYPE", cells, binary) + b"POINT_DATA 5\n"
+    behind += legacy_array("SCALARS curvature TYPE", of["curvature"], binary)
+    behind += b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\n"
+    behind += legacy_array("SCALARS two%20words TYPE 2", of["two words"], binary)
+    behind += b"LOOKUP_TABLE ramp 2\n" + bytes_of(table) + b"COLOR_SCALARS paint 3\n" + bytes_of(paint)
+    behind += legacy_array("VECTORS wind TYPE", of["wind"], binary) + legacy_array("NORMALS up TYPE", of["up"], binary)
+    behind += legacy_array("TEXTURE_COORDINATES st 2 TYPE", of["st"], binary) + legacy_array("TENSORS stress TYPE", of["stress"], binary)
+    behind += b"FIELD FieldData 3\n" + legacy_array("number 1 5 TYPE", of["number"], binary)
+    behind += b"names 1 5 string\n" + (b"\xc1a" * 5 if binary else b"a\n" * 5) + legacy_array("\npair 2 5 TYPE", of["pair"], binary)
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, binary, behind=behind)
+    answer = mesh_reader(tmp_path / "v.vtk", "read-mesh-values")
+    assert not isinstance(answer, str), answer
+    assert_pyramid((*answer[:2], "", answer[3]))
+    found = answer[4]
+    assert {n: k for n, (k, _) in found.items()} == {"curvature": "number", "two words": "number", "paint": "color", "wind": "number",
+                                                     "up": "normal", "st": "uv", "number": "number", "pair": "number"}
+    for name, (_, values) in found.items():
+        expected = paint / 255 if name == "paint" else of[name]
+        assert values == pytest.approx(expected.reshape(5, -1), rel=1e-6), name
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_values_of_xml_files(mesh_reader, tmp_path, way):
+    of, _ = random_values(4)
+    empty = (numpy.zeros((0, 3)), {"Polys": []})
+    pieces = [empty, (POINTS, {"Polys": POLYS, "Strips": [STRIP]}), (POINTS + 5, {"Polys": POLYS})]
+    turned = {name: of[name] + 1 for name in reversed(of)}
+    write_xml(tmp_path / "v.vtp", pieces, values=[{}, of, turned], names='Normals="up" TCoords="st"', **way)
+    *_, found = mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
+    assert {n: k for n, (k, _) in found.items()} == {**{n: "number" for n in of if n != "stress"}, "up": "normal", "st": "uv"}
+    for name, (_, values) in found.items():
+        assert values == pytest.approx(numpy.concatenate([of[name], turned[name]]).reshape(10, -1), rel=1e-6), name
+
+
+VALUE_FAULTS = {
+    "another number of points": (b"POINT_DATA 5", b"POINT_DATA 6", "begins values of 6 points, and there are 5 points"),
+    "no array": (b"SCALARS", b"COLOURS", '"COLOURS" in place of SCALARS, FIELD'),
+    "no table": (b"LOOKUP_TABLE", b"LOCKUP_TABLE", 'the array SCALARS "s", whose first lines are damaged'),
+    "a type": (b"float", b"fleet", 'the type "fleet"'),
+    "a word": (b"0.5 1.5", b"0.5 one", '"one" in place of a number of a field'),
+    "many components": (b"float\n", b"float 4000000000\n", "begins 20000000000 numbers of a field"),
+}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("fault", VALUE_FAULTS)
+def test_values_that_are_damaged_are_refused_where_they_are_requested(mesh_reader, tmp_path, fault):
+    find, put, words = VALUE_FAULTS[fault]
+    behind = b"POINT_DATA 5\nSCALARS s float\nLOOKUP_TABLE default\n0.5 1.5 2 3 4\n"
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, behind=behind.replace(find, put))
+    answer = mesh_reader(tmp_path / "v.vtk", "read-mesh-values")
+    assert isinstance(answer, str) and words in answer, answer
+    assert not isinstance(mesh_reader(tmp_path / "v.vtk"), str)
+
+
+def test_a_piece_without_the_values_of_another_is_refused(mesh_reader, tmp_path):
+    pieces = [(POINTS, {"Polys": POLYS}), (POINTS + 5, {"Polys": POLYS})]
+    write_xml(tmp_path / "v.vtp", pieces, values=[{"s": numpy.arange(5.0), "t": numpy.arange(5.0)}, {"t": numpy.arange(5.0)}])
+    assert 'piece 1 of the VTK file has no values "s" of 1 components, which piece 0 has' in mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
+
+
+def test_values_of_points_are_attributes(solve, tmp_path):
+    """The points of a pyramid carry a linear function of its corners."""
+    write_legacy(tmp_path / "v.vtk", POINTS, {"POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]},
+                 behind=b"POINT_DATA 5\n" + legacy_array("VECTORS place TYPE", POINTS.astype("f4"), False))
+    report, data = solve({"version": 1, "surface": {"mesh": {"path": "v.vtk"}}, "sampling": {"count": 60}, "attributes": [{"name": "place"}],
+                          "output": {"preview": False, "ply": {"precision": "double"}}})
+    columns = read_columns(data)
+    assert {a["name"]: a["type"] for a in report["attributes"]}["place"] == "vector"
+    for axis in "xyz":
+        assert columns[f"place_{axis}"] == pytest.approx(columns[axis], abs=1e-3)

@@ -6,11 +6,12 @@ import zlib
 
 import numpy
 
-LEGACY_TYPES = {"f4": "float", "f8": "double", "i4": "int", "i8": "vtktypeint64", "u1": "unsigned_char"}
+LEGACY_TYPES = {"f4": "float", "f8": "double", "i4": "int", "i8": "vtktypeint64", "i2": "short", "u1": "unsigned_char"}
+SCALARS = 'Scalars="s"'
 XML_TYPES = {"f4": "Float32", "f8": "Float64", "i1": "Int8", "u1": "UInt8", "i2": "Int16", "i4": "Int32", "u4": "UInt32", "i8": "Int64", "u8": "UInt64"}
 
 
-def _numbers(values, binary):
+def numbers_of(values, binary):
     values = numpy.asarray(values)
     if binary:
         return values.astype(">" + values.dtype.str[1:]).tobytes() + b"\n"
@@ -21,15 +22,15 @@ def write_legacy(path, points, cells, binary=False, version="3.0", before=b"", b
     """`cells`: lists of lists of points by section: VERTICES, LINES, POLYGONS, TRIANGLE_STRIPS. Version 5 has offsets."""
     points = numpy.asarray(points)
     out = f"# vtk DataFile Version {version}\na title\n{'BINARY' if binary else 'ASCII'}\nDATASET POLYDATA\n".encode() + before
-    out += f"POINTS {len(points)} {LEGACY_TYPES[points.dtype.str[1:]]}\n".encode() + _numbers(points, binary)
+    out += f"POINTS {len(points)} {LEGACY_TYPES[points.dtype.str[1:]]}\n".encode() + numbers_of(points, binary)
     for name, of_kind in cells.items():
         if float(version) >= 5:
             offsets = numpy.cumsum([0] + [len(c) for c in of_kind])
-            out += f"{name} {len(offsets)} {offsets[-1]}\nOFFSETS vtktypeint64\n".encode() + _numbers(offsets.astype("i8"), binary)
-            out += b"CONNECTIVITY vtktypeint64\n" + _numbers(numpy.array([i for c in of_kind for i in c], "i8"), binary)
+            out += f"{name} {len(offsets)} {offsets[-1]}\nOFFSETS vtktypeint64\n".encode() + numbers_of(offsets.astype("i8"), binary)
+            out += b"CONNECTIVITY vtktypeint64\n" + numbers_of(numpy.array([i for c in of_kind for i in c], "i8"), binary)
         else:
             flat = [i for c in of_kind for i in (len(c), *c)]
-            out += f"{name} {len(of_kind)} {len(flat)}\n".encode() + _numbers(numpy.array(flat, "i4"), binary)
+            out += f"{name} {len(of_kind)} {len(flat)}\n".encode() + numbers_of(numpy.array(flat, "i4"), binary)
     path.write_bytes(out + behind)
 
 
@@ -42,8 +43,9 @@ def _packed(data, head, block):
 
 
 def write_xml(path, pieces, mode="ascii", encoding="base64", packed=False, big=False, long_heads=False, index="i8", kind="PolyData",
-              block=48, extra=""):
-    """Each piece has points and cells by section: Verts, Lines, Strips, Polys. `mode`: ascii, binary or appended."""
+              block=48, extra="", values=(), names=""):
+    """Each piece has points and cells by section: Verts, Lines, Strips, Polys. `mode`: ascii, binary or appended. `values`: for
+    each piece the arrays of its points by name; `names`: the attributes of their element."""
     order, head = (">" if big else "<"), ((">" if big else "<"), "Q" if long_heads else "I")
     appended = b""
 
@@ -69,9 +71,11 @@ def write_xml(path, pieces, mode="ascii", encoding="base64", packed=False, big=F
         return f'{of} format="appended" offset="{at}"/>\n'
 
     body = ""
-    for points, cells in pieces:
+    for at, (points, cells) in enumerate(pieces):
         body += f'<Piece NumberOfPoints="{len(points)}"' + "".join(f' NumberOf{k}="{len(v)}"' for k, v in cells.items()) + ">\n"
-        body += '<PointData Scalars="s">' + array("s", numpy.arange(len(points), dtype="f4")) + "</PointData>\n"
+        own = values[at] if at < len(values) else {"s": numpy.arange(len(points), dtype="f4")}
+        body += f"<PointData {names or SCALARS}>" + "".join(array(n, v, 0 if v.ndim < 2 else v.shape[1]) for n, v in own.items())
+        body += "</PointData>\n"
         body += "<Points>\n" + array("Points", points, 3) + "</Points>\n"
         for name, of_kind in cells.items():
             body += f"<{name}>\n" + array("connectivity", numpy.array([i for c in of_kind for i in c], index))

@@ -59,11 +59,10 @@ const file_format_row file_formats[FILE_FORMATS] = {
     [FILE_FORMAT_OFF] = {.name = "OFF", .ending = {".off"}, .reading = FILE_FORMAT_READ, .up_varies = true},
     [FILE_FORMAT_3MF] = {.name = "3MF", .ending = {".3mf"}, .reading = FILE_FORMAT_READ, .z_up = true},
     [FILE_FORMAT_VTK] = {.name = "VTK", .ending = {".vtk", ".vtp"}, .beginning = {{0, 14, "# vtk DataFile"}},
-        .reading = FILE_FORMAT_READ, .positions_only = true, .z_up = true,
-        .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
+        .reading = FILE_FORMAT_READ, .z_up = true, .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
         .as_volume = "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
     [FILE_FORMAT_VTP] = {.name = "VTK (XML)", .ending = {".vtp", ".vtk"}, .within = "<VTKFile",
-        .reading = FILE_FORMAT_READ, .is_written = true, .positions_only = true, .z_up = true,
+        .reading = FILE_FORMAT_READ, .is_written = true, .z_up = true,
         .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
         .as_volume = "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a ""mesh as "
             "/surface/mesh/path)"},

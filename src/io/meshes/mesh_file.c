@@ -155,6 +155,19 @@ void mesh_values_free(mesh_values *values)
     *values = (mesh_values){0};
 }
 
+bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e)
+{
+    char list[600] = "";
+    for (*which = 0; *which < values->count; ++*which)
+        if (name && strcmp(values->head[*which].name, name) == 0) return true;
+    for (size_t k = 0; k < values->count; k++) {
+        size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", values->head[k].name);
+    }
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s", name ? name : "",
+                     *list ? list : "none (its vertices have positions only)");
+}
+
 static void note_lines(mesh_notes *notes, char *text)
 {
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) mesh_note(notes, "%s", line);

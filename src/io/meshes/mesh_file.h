@@ -38,12 +38,15 @@ typedef struct mesh_values {
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Such files are always read by assimp. Therefore the vertices can
+/* mesh_file_read, and the attributes. Files other than VTK are read by assimp. Therefore their vertices can
  * differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them.
- * There are no notes. The formats VTK and GIfTI, and glTF files with quantised positions, are
+ * There are no notes. The format GIfTI, and glTF files with quantised positions, are
  * input_unsupported. *out and *values are unchanged on failure; free both after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
 void mesh_values_free(mesh_values *values);
+
+/* Finds the array with this name, or NULL for none. Error: attribute_missing, with the names that there are. */
+bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e);
 
 /* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is
  * corner first[p] of all. Polygons are numbered from 0 in the order of the file, those of fewer than three

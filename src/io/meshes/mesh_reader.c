@@ -401,6 +401,17 @@ static int answer_scene(const struct aiScene *scene, file_format format, additio
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
 }
 
+static bool write_values(const plain_mesh *m)
+{
+    bool ok = reader_write(&m->value_arrays, sizeof m->value_arrays);
+    for (uint32_t k = 0; ok && k < m->value_arrays; k++) {
+        const plain_values *v = &m->values[k];
+        ok = reader_write(&v->head, sizeof v->head) &&
+             reader_write(v->value, m->vertices * v->head.components * sizeof *v->value);
+    }
+    return ok;
+}
+
 /* Writes the answer for a mesh that was read without the library. `end`: as in the header. */
 static int answer_plain(const plain_mesh *m, size_t end)
 {
@@ -417,6 +428,7 @@ static int answer_plain(const plain_mesh *m, size_t end)
         ok = ok && reader_write(counts, sizeof counts) &&
              reader_write(m->polygon_size, m->polygons * sizeof *m->polygon_size) &&
              reader_write(m->polygon_corner, m->polygon_corners * sizeof *m->polygon_corner);
+    if (m->keeps_values) ok = ok && write_values(m);
     return ok ? 0 : 1;
 }
 
@@ -535,6 +547,8 @@ static bool is_read_for_values(const char *ending)
 
 static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
 {
+    if (also == VALUES && plain_mesh_reads_values(ending))
+        return plain_mesh_read_values(ending, b->data, b->size, out);
     return also == POLYGONS ? plain_mesh_read_polygons(ending, b->data, b->size, out)
                             : plain_mesh_read(ending, b->data, b->size, out);
 }
@@ -603,7 +617,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
             ERROR_INPUT_UNSUPPORTED,
             "the values of the vertices of such files are not read: save it as PLY for attributes");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
-    if (also != VALUES && plain_mesh_is_only_reader(argv[1])) _exit(answer_only_reader(argv[1], also, &b));
+    if (also == VALUES ? plain_mesh_reads_values(argv[1]) : plain_mesh_is_only_reader(argv[1]))
+        _exit(answer_only_reader(argv[1], also, &b));
     try_plain(argv[1], &b, also, &plain);
     /* readers refuse files with more data */
     const size_t whole = b.size, end = cut_end(argv[1], &b);

@@ -116,6 +116,7 @@ typedef struct mesh_format {
     bool (*read)(const char *data, size_t size, plain_mesh *out);
     bool is_final;       /* a file without triangles is accepted: nothing is left to the library */
     bool is_only_reader; /* the library does not read such files */
+    bool has_values;     /* values of the vertices are read */
 } mesh_format;
 
 static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
@@ -124,8 +125,8 @@ static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mes
                                                   [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
                                                   [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
                                                   [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
-                                                  [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true},
-                                                  [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true},
+                                                  [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
+                                                  [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
                                                   [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true},
                                                   [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
 
@@ -139,10 +140,15 @@ bool plain_mesh_is_only_reader(const char *ending)
     return readers[file_format_of_name(ending)].is_only_reader;
 }
 
-static bool read_as(const char *ending, const char *data, size_t size, bool keeps_polygons, plain_mesh *out)
+bool plain_mesh_reads_values(const char *ending)
+{
+    return readers[file_format_of_name(ending)].has_values;
+}
+
+/* Members of *out that begin with `keeps` are set by the caller. */
+static bool read_as(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     const mesh_format *format = &readers[file_format_of_name(ending)];
-    *out = (plain_mesh){.keeps_polygons = keeps_polygons};
     if (format->read && format->read(data, size, out) && (out->triangles > 0 || format->is_final))
         return true;
     if (format->is_only_reader)
@@ -157,10 +163,18 @@ static bool read_as(const char *ending, const char *data, size_t size, bool keep
 
 bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
-    return read_as(ending, data, size, false, out);
+    *out = (plain_mesh){0};
+    return read_as(ending, data, size, out);
 }
 
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
-    return read_as(ending, data, size, true, out);
+    *out = (plain_mesh){.keeps_polygons = true};
+    return read_as(ending, data, size, out);
+}
+
+bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out)
+{
+    *out = (plain_mesh){.keeps_values = true};
+    return read_as(ending, data, size, out);
 }

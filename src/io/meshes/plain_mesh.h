@@ -18,6 +18,12 @@
 #include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
 
+/* An array of values of the vertices. */
+typedef struct plain_values {
+    mesh_reader_values head;
+    float *value; /* head.components numbers for each vertex, vertex by vertex */
+} plain_values;
+
 typedef struct plain_mesh {
     size_t vertices, triangles, others; /* others: points and lines */
     size_t crossed;                     /* polygons that cross themselves */
@@ -37,6 +43,9 @@ typedef struct plain_mesh {
     uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */
     uint32_t *polygon_corner; /* vertices of the corners, polygon after polygon */
     size_t polygon_room, polygon_corner_room;
+    bool keeps_values; /* values of the vertices are kept, by readers for which plain_mesh_reads_values */
+    plain_values values[MESH_VALUES_MOST];
+    uint32_t value_arrays;
 } plain_mesh;
 
 /* Reads a file with the reader for `ending`, the extension of its name (any case). data[size] is 0. *out
@@ -47,6 +56,12 @@ bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_me
 
 /* As plain_mesh_read, and keeps the polygons. */
 bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* As plain_mesh_read, and keeps the values of the vertices. Requires plain_mesh_reads_values. */
+bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out);
+
+/* Whether this module reads the values of the vertices of files with this extension: VTK. */
+bool plain_mesh_reads_values(const char *ending);
 
 /* Whether this module reads the format. */
 bool plain_mesh_reads(file_format format);
@@ -115,6 +130,12 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
 /* Adds a triangle of existing vertices. Its orientation is reversed if `is_mirrored` (in a part that a
  * transformation mirrors). */
 bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored);
+
+/* Adds an array of values of all vertices that have been read. *out: its numbers, initially 0, to be set by the
+ * caller; NULL if the array is not kept, because it has 0 or more than MESH_VALUES_COMPONENTS components, or because
+ * there are MESH_VALUES_MOST arrays. False: memory is out. */
+bool plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind, size_t components,
+                           float **out);
 
 /* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may
  * precede it; a blank, an end of a line or the end of the text must follow it. Correctly rounded. False:

@@ -174,8 +174,25 @@ void plain_mesh_warn(plain_mesh *m, const char *format, ...)
     va_end(arguments);
 }
 
+bool plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind, size_t components,
+                           float **out)
+{
+    *out = NULL;
+    if (components == 0 || components > MESH_VALUES_COMPONENTS || m->value_arrays == MESH_VALUES_MOST)
+        return true;
+    plain_values *v = &m->values[m->value_arrays];
+    if (!(v->value = calloc(m->vertices + 1, components * sizeof *v->value)))
+        return plain_mesh_refuse_memory(m);
+    v->head = (mesh_reader_values){.kind = kind, .components = (uint32_t)components};
+    snprintf(v->head.name, sizeof v->head.name, "%s", name);
+    m->value_arrays++;
+    *out = v->value;
+    return true;
+}
+
 void plain_mesh_free(plain_mesh *m)
 {
+    for (uint32_t k = 0; k < m->value_arrays; k++) free(m->values[k].value);
     free(m->vertex);
     free(m->triangle);
     free(m->corner);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* VTK's legacy files of PolyData, as text and binary (big-endian), of versions 1.0 to 5.1. Only positions and
- * cells are read, not the values of points and cells. */
+/* VTK's legacy files of PolyData, as text and binary (big-endian), of versions 1.0 to 5.1. Values of points are
+ * read if the mesh keeps them; those of cells are not read. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -182,7 +182,7 @@ static bool read_counted_cells(vtk *v, vtk_cells_kind kind, size_t cells, size_t
     if (!expect_numbers(v, NUMBER_INT32, size, name)) return false;
     bool ok = true;
     for (size_t n = 0; ok && n < cells; n++) {
-        int64_t count;
+        int64_t count = 0;
         ok = read_whole(v, NUMBER_INT32, name, &count);
         if (ok && (size == 0 || count < 0 || (size_t)count > size - 1))
             ok = refuse(v, "has a cell of %s with %lld points, and %zu numbers are left", name,
@@ -278,30 +278,67 @@ static bool skip_strings(vtk *v, size_t count)
     return true;
 }
 
-/* Skips an array of a field. */
-static bool skip_array(vtk *v)
+/* An array of values. */
+typedef struct array {
+    char name[WORD_SIZE], type[WORD_SIZE];
+    mesh_values_kind kind;
+    size_t components, tuples;
+    float scale; /* factor of the numbers */
+    bool of_points;
+} array;
+
+/* Reads the numbers of an array, or skips them. */
+static bool read_numbers(vtk *v, const array *a)
 {
-    char word[WORD_SIZE];
-    size_t components = 0, tuples = 0;
     number_type type = NUMBER_UINT8;
-    if (!read_word(v, word)) return refuse(v, "ends within a field");
-    if (!read_count(v, "components", &components) || !read_count(v, "tuples", &tuples)) return false;
-    if (!read_word(v, word)) return refuse(v, "ends within a field");
-    if (components > 0 && tuples > SIZE_MAX / 16 / components)
+    float *to = NULL;
+    if (a->components > 0 && a->tuples > SIZE_MAX / 16 / a->components)
         return refuse(v, "has a field that is too large");
-    if (strcasecmp(word, "string") == 0 || strcasecmp(word, "utf8_string") == 0)
-        return skip_strings(v, components * tuples);
-    const bool are_bits = strcasecmp(word, "bit") == 0;
-    if (!are_bits && !find_type(word, &type)) return refuse(v, "has a field of the type \"%.40s\"", word);
-    size_t count = components * tuples;
+    size_t count = a->components * a->tuples;
+    if (strcasecmp(a->type, "string") == 0 || strcasecmp(a->type, "utf8_string") == 0)
+        return skip_strings(v, count);
+    const bool are_bits = strcasecmp(a->type, "bit") == 0;
+    if (!are_bits && !find_type(a->type, &type))
+        return refuse(v, "has a field of the type \"%.40s\"", a->type);
     if (are_bits && v->is_binary) count = (count + 7) / 8;
     if (!expect_numbers(v, type, count, "a field")) return false;
-    if (v->is_binary) v->at += count * number_bytes(type);
-    for (size_t k = 0; !v->is_binary && k < count; k++) {
-        double unused;
-        if (!read_real(v, type, "a field", &unused)) return false;
+    if (a->of_points && !are_bits && a->tuples == v->out->vertices &&
+        !plain_mesh_add_values(v->out, a->name, a->kind, a->components, &to))
+        return false;
+    if (v->is_binary && !to) {
+        v->at += count * number_bytes(type);
+        return true;
+    }
+    for (size_t k = 0; k < count; k++) {
+        double number;
+        if (!read_real(v, type, "a field", &number)) return false;
+        if (to) to[k] = (float)number * a->scale;
     }
     return true;
+}
+
+/* Replaces %20 and other codes of bytes, which names of arrays have. */
+static void decode_name(char *name)
+{
+    char *to = name;
+    for (const char *from = name; *from; from++) {
+        char code[3] = "";
+        if (*from == '%') snprintf(code, sizeof code, "%s", from + 1);
+        const bool is_code = strspn(code, "0123456789abcdefABCDEF") == 2;
+        *to++ = is_code ? (char)strtol(code, NULL, 16) : *from;
+        if (is_code) from += 2;
+    }
+    *to = 0;
+}
+
+/* Reads an array of a field. */
+static bool read_array(vtk *v, bool of_points)
+{
+    array a = {.kind = MESH_VALUES_NUMBER, .scale = 1, .of_points = of_points};
+    if (!read_word(v, a.name)) return refuse(v, "ends within a field");
+    decode_name(a.name);
+    if (!read_count(v, "components", &a.components) || !read_count(v, "tuples", &a.tuples)) return false;
+    return read_word(v, a.type) ? read_numbers(v, &a) : refuse(v, "ends within a field");
 }
 
 /* Skips the names and other metadata of an array, up to an empty line. */
@@ -315,19 +352,111 @@ static void skip_metadata(vtk *v)
     }
 }
 
-static bool skip_field(vtk *v)
+static bool read_field(vtk *v, bool of_points)
 {
     char word[WORD_SIZE];
     size_t arrays = 0;
     if (!read_word(v, word) || !read_count(v, "arrays", &arrays)) return refuse(v, "ends within a field");
     for (; arrays > 0; arrays--) {
-        if (!skip_array(v)) return false;
+        if (!read_array(v, of_points)) return false;
         const char *at = v->at;
         if (read_word(v, word) && strcasecmp(word, "METADATA") == 0)
             skip_metadata(v);
         else
             v->at = at;
     }
+    return true;
+}
+
+/* The number of components, which may be absent, at the end of the line that begins SCALARS. */
+static bool read_components(vtk *v, size_t *out)
+{
+    *out = 1;
+    v->at += strspn(v->at, " \t\r");
+    return *v->at == '\n' || v->at == v->end || read_count(v, "components", out);
+}
+
+/* How the first line of an array goes on behind its name. */
+typedef enum head_form {
+    HEAD_TYPE,       /* the type */
+    HEAD_COUNT_TYPE, /* the number of components, the type */
+    HEAD_SCALARS,    /* the type, optionally the number of components; then a line with the name of a table */
+    HEAD_COLORS,     /* the number of components; bytes, or as text numbers from 0 to 1 */
+    HEAD_COLOR_TABLE, /* the number of colours of four components, as HEAD_COLORS */
+} head_form;
+
+/* Reads the first line of an array behind its first word. */
+static bool read_head(vtk *v, const char *word, array *a)
+{
+    static const struct {
+        const char *word;
+        head_form form;
+        mesh_values_kind kind;
+        size_t components; /* 0: the line has them */
+    } heads[] = {{"SCALARS", HEAD_SCALARS, MESH_VALUES_NUMBER, 0},
+                 {"COLOR_SCALARS", HEAD_COLORS, MESH_VALUES_COLOR, 0},
+                 {"LOOKUP_TABLE", HEAD_COLOR_TABLE, MESH_VALUES_NUMBER, 4},
+                 {"VECTORS", HEAD_TYPE, MESH_VALUES_NUMBER, 3},
+                 {"NORMALS", HEAD_TYPE, MESH_VALUES_NORMAL, 3},
+                 {"TEXTURE_COORDINATES", HEAD_COUNT_TYPE, MESH_VALUES_UV, 0},
+                 {"TENSORS", HEAD_TYPE, MESH_VALUES_NUMBER, 9},
+                 {"TENSORS6", HEAD_TYPE, MESH_VALUES_NUMBER, 6},
+                 {"GLOBAL_IDS", HEAD_TYPE, MESH_VALUES_NUMBER, 1},
+                 {"PEDIGREE_IDS", HEAD_TYPE, MESH_VALUES_NUMBER, 1},
+                 {"EDGE_FLAGS", HEAD_TYPE, MESH_VALUES_NUMBER, 1}};
+    size_t k = 0;
+    while (k < sizeof heads / sizeof *heads && strcasecmp(word, heads[k].word) != 0) k++;
+    if (k == sizeof heads / sizeof *heads)
+        return refuse(v, "has \"%.40s\" in place of SCALARS, FIELD or another array of values", word);
+    const head_form form = heads[k].form;
+    a->kind = heads[k].kind;
+    a->components = heads[k].components;
+    bool ok = read_word(v, a->name);
+    decode_name(a->name);
+    if (form == HEAD_COLOR_TABLE) ok = ok && read_count(v, "colours", &a->tuples);
+    if (form == HEAD_COLORS || form == HEAD_COUNT_TYPE)
+        ok = ok && read_count(v, "components", &a->components);
+    if (form == HEAD_COLORS || form == HEAD_COLOR_TABLE) {
+        snprintf(a->type, sizeof a->type, "%s", v->is_binary ? "unsigned_char" : "float");
+        a->scale = v->is_binary ? 1.0F / 255 : 1;
+    } else {
+        ok = ok && read_word(v, a->type);
+    }
+    a->of_points = a->of_points && form != HEAD_COLOR_TABLE;
+    char next[WORD_SIZE] = "";
+    if (form == HEAD_SCALARS && ok)
+        ok = read_components(v, &a->components) && read_word(v, next) &&
+             strcasecmp(next, "LOOKUP_TABLE") == 0 && read_word(v, next);
+    if ((a->kind == MESH_VALUES_COLOR && a->components < 3) ||
+        (a->kind == MESH_VALUES_UV && a->components != 2))
+        a->kind = MESH_VALUES_NUMBER;
+    return ok || refuse(v, "begins the array %s \"%.40s\", whose first lines are damaged", word, a->name);
+}
+
+/* Reads the values of the points, and skips those of the cells, up to the end of the file. `word`: POINT_DATA or
+ * CELL_DATA. */
+static bool read_values(vtk *v, char word[WORD_SIZE])
+{
+    array section = {.scale = 1};
+    do {
+        bool ok = true;
+        const bool is_of_points = strcasecmp(word, "POINT_DATA") == 0;
+        if (is_of_points || strcasecmp(word, "CELL_DATA") == 0) {
+            section.of_points = is_of_points;
+            ok = read_count(v, is_of_points ? "points" : "cells", &section.tuples);
+            if (ok && is_of_points && section.tuples != v->out->vertices)
+                ok = refuse(v, "begins values of %zu points, and there are %zu points", section.tuples,
+                            v->out->vertices);
+        } else if (strcasecmp(word, "METADATA") == 0) {
+            skip_metadata(v);
+        } else if (strcasecmp(word, "FIELD") == 0) {
+            ok = read_field(v, section.of_points);
+        } else {
+            array a = section;
+            ok = read_head(v, word, &a) && read_numbers(v, &a);
+        }
+        if (!ok) return false;
+    } while (read_word(v, word));
     return true;
 }
 
@@ -343,11 +472,12 @@ static bool read_sections(vtk *v)
     char word[WORD_SIZE];
     while (read_word(v, word)) {
         bool is_known = false, ok = true;
-        if (strcasecmp(word, "POINT_DATA") == 0 || strcasecmp(word, "CELL_DATA") == 0) break;
+        if (strcasecmp(word, "POINT_DATA") == 0 || strcasecmp(word, "CELL_DATA") == 0)
+            return !v->out->keeps_values || read_values(v, word);
         if ((is_known = strcasecmp(word, "POINTS") == 0))
             ok = read_points(v);
         else if ((is_known = strcasecmp(word, "FIELD") == 0))
-            ok = skip_field(v);
+            ok = read_field(v, false);
         else if ((is_known = strcasecmp(word, "METADATA") == 0))
             skip_metadata(v);
         for (size_t k = 0; !is_known && k < sizeof cells / sizeof *cells; k++)

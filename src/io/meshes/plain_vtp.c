@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* VTK's XML files of PolyData (.vtp). Arrays may be text, base64, or appended (raw or base64), with or
- * without compression by zlib. base/xml finds the arrays; their contents are read here. Values of points and
- * cells do not change positions and are not read. */
+ * without compression by zlib. base/xml finds the arrays; their contents are read here. Values of points are read if
+ * the mesh keeps them; those of cells are not read. */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@
 #include "io/meshes/base64.h"
 #include "io/meshes/vtk_data.h"
 
-enum { SECTIONS = VTK_CELLS_KINDS + 1, POINTS = VTK_CELLS_KINDS };
+enum { SECTIONS = VTK_CELLS_KINDS + 1, POINTS = VTK_CELLS_KINDS, VALUES };
 
 /* Maximum number of pieces of a file. */
 static const size_t most_pieces = 1 << 16;
@@ -31,11 +31,21 @@ typedef struct array {
     bool has_end;
 } array;
 
+/* An array of values of the points. */
+typedef struct point_values {
+    char name[MESH_VALUES_NAME_SIZE];
+    mesh_values_kind kind;
+    size_t components;
+    array array;
+} point_values;
+
 /* A piece: for each section (points, and each kind of cells) the number of items and the arrays.
  * `connectivity` of the points has their positions; they have no offsets. */
 typedef struct piece {
     size_t count[SECTIONS];
     array connectivity[SECTIONS], offsets[SECTIONS];
+    point_values *values;
+    size_t value_count;
 } piece;
 
 typedef struct vtp {
@@ -47,8 +57,10 @@ typedef struct vtp {
     size_t piece_count;
     bool is_swapped, has_long_heads, is_packed;
     bool has_file; /* the element VTKFile has been read */
-    int section;   /* the section that is open, or -1 */
-    array *open;   /* the array that is open, or NULL */
+    int section;   /* the section that is open, or -1; VALUES: those of the points */
+    /* names of the open section VALUES, from its element */
+    char normals[MESH_VALUES_NAME_SIZE], uv[MESH_VALUES_NAME_SIZE];
+    array *open; /* the array that is open, or NULL */
     bool has_appended, is_appended_base64;
     size_t appended; /* start of the appended data in the file */
 } vtp;
@@ -121,19 +133,55 @@ static void begin_piece(vtp *v, const char **attributes)
         if (!read_count(v, attributes, counts[k], &p->count[k])) return;
 }
 
+/* The values of points: which arrays are normals and texture coordinates. */
+static void begin_values(vtp *v, const char **attributes)
+{
+    const char *normals = xml_attribute(attributes, "Normals"), *uv = xml_attribute(attributes, "TCoords");
+    snprintf(v->normals, sizeof v->normals, "%s", normals ? normals : "");
+    snprintf(v->uv, sizeof v->uv, "%s", uv ? uv : "");
+    v->section = VALUES;
+}
+
+/* Adds an array of values to the last piece, unless it has no numbers. Returns its place, or NULL. */
+static array *add_values(vtp *v, const char *name, const char *type, const char **attributes)
+{
+    piece *p = &v->pieces[v->piece_count - 1];
+    number_type number;
+    size_t components = 1;
+    if (!type || !number_find(type, &number) || !name || p->value_count == MESH_VALUES_MOST) return NULL;
+    if (xml_attribute(attributes, "NumberOfComponents") &&
+        !read_count(v, attributes, "NumberOfComponents", &components))
+        return NULL;
+    if (components == 0 || components > MESH_VALUES_COMPONENTS) return NULL;
+    point_values *grown = realloc(p->values, (p->value_count + 1) * sizeof *grown);
+    if (!grown) {
+        plain_mesh_refuse_memory(v->out);
+        return NULL;
+    }
+    p->values = grown;
+    point_values *one = &p->values[p->value_count++];
+    *one = (point_values){.components = components};
+    snprintf(one->name, sizeof one->name, "%s", name);
+    one->kind = components == 3 && strcmp(one->name, v->normals) == 0 ? MESH_VALUES_NORMAL
+                : components == 2 && strcmp(one->name, v->uv) == 0    ? MESH_VALUES_UV
+                                                                      : MESH_VALUES_NUMBER;
+    return &one->array;
+}
+
 static void begin_array(vtp *v, const char **attributes)
 {
     const char *name = xml_attribute(attributes, "Name"), *type = xml_attribute(attributes, "type"),
                *format = xml_attribute(attributes, "format"),
                *components = xml_attribute(attributes, "NumberOfComponents");
     piece *p = &v->pieces[v->piece_count - 1];
-    array *a = v->section == POINTS                        ? &p->connectivity[POINTS]
+    array *a = v->section == VALUES                        ? add_values(v, name, type, attributes)
+               : v->section == POINTS                      ? &p->connectivity[POINTS]
                : name && strcmp(name, "connectivity") == 0 ? &p->connectivity[v->section]
                : name && strcmp(name, "offsets") == 0      ? &p->offsets[v->section]
                                                            : NULL;
     if (!a) return;
     *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
-    if (!type || !number_find(type, &a->type) || (v->section != POINTS && !number_is_whole(a->type)) ||
+    if (!type || !number_find(type, &a->type) || (v->section < POINTS && !number_is_whole(a->type)) ||
         (v->section == POINTS && components && strcmp(components, "3") != 0)) {
         plain_mesh_refuse(
             v->out, ERROR_INPUT_UNSUPPORTED,
@@ -177,9 +225,10 @@ static void begin_appended(vtp *v, const char **attributes)
     v->has_appended = true;
 }
 
+static const char points[] = "Points", values[] = "PointData";
+
 static bool begin_element(void *context, const char *name, const char **attributes)
 {
-    static const char *const points = "Points";
     vtp *v = context;
     if (v->open && !v->open->has_end && v->open->place != PLACE_APPENDED) {
         v->open->end = xml_tag_begin(&v->document);
@@ -194,6 +243,7 @@ static bool begin_element(void *context, const char *name, const char **attribut
     if (strcmp(name, "DataArray") == 0 && v->section >= 0 && v->piece_count > 0 && !v->open)
         begin_array(v, attributes);
     if (strcmp(name, points) == 0) v->section = POINTS;
+    if (strcmp(name, values) == 0 && v->out->keeps_values) begin_values(v, attributes);
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = k;
     return v->out->refused == ERROR_NONE && !v->has_appended;
@@ -209,7 +259,7 @@ static void end_element(void *context, const char *name)
         }
         v->open = NULL;
     }
-    if (strcmp(name, "Points") == 0) v->section = -1;
+    if (strcmp(name, points) == 0 || strcmp(name, values) == 0) v->section = -1;
     for (int k = 0; k < VTK_CELLS_KINDS; k++)
         if (strcmp(name, vtk_cells_name((vtk_cells_kind)k)) == 0) v->section = -1;
 }
@@ -505,6 +555,48 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
     return ok;
 }
 
+/* Reads an array of values of one piece into *to. */
+static bool read_values(vtp *v, size_t index, const point_values *one, float *to)
+{
+    const size_t count = one->components * v->pieces[index].count[POINTS];
+    number_type type = NUMBER_DOUBLE;
+    bool swapped = false;
+    unsigned char *bytes = read_array(v, &one->array, index, one->name, count, &type, &swapped);
+    for (size_t n = 0; bytes && n < count; n++)
+        to[n] = (float)number_value(bytes + n * number_bytes(type), type, swapped);
+    free(bytes);
+    return bytes != NULL;
+}
+
+/* Reads the arrays of values that the first piece with points has. Each piece with points must have them. */
+static bool add_all_values(vtp *v)
+{
+    size_t first = 0;
+    while (first < v->piece_count && v->pieces[first].count[POINTS] == 0) first++;
+    for (size_t k = 0; first < v->piece_count && k < v->pieces[first].value_count; k++) {
+        const point_values *of_first = &v->pieces[first].values[k];
+        float *to;
+        if (!plain_mesh_add_values(v->out, of_first->name, of_first->kind, of_first->components, &to))
+            return false;
+        for (size_t n = first; to && n < v->piece_count; n++) {
+            const piece *p = &v->pieces[n];
+            size_t own = 0;
+            if (p->count[POINTS] == 0) continue;
+            while (own < p->value_count && (strcmp(p->values[own].name, of_first->name) != 0 ||
+                                            p->values[own].components != of_first->components))
+                own++;
+            if (own == p->value_count)
+                return plain_mesh_refuse(
+                    v->out, ERROR_INPUT_DAMAGED,
+                    "piece %zu of the VTK file has no values \"%.40s\" of %zu components, which piece %zu has",
+                    n, of_first->name, of_first->components, first);
+            if (!read_values(v, n, &p->values[own], to)) return false;
+            to += of_first->components * p->count[POINTS];
+        }
+    }
+    return true;
+}
+
 static bool build(vtp *v)
 {
     for (size_t n = 0; n < v->piece_count; n++) {
@@ -513,7 +605,7 @@ static bool build(vtp *v)
         for (int k = 0; k < VTK_CELLS_KINDS; k++)
             if (!add_cells(v, n, (vtk_cells_kind)k, first)) return false;
     }
-    return true;
+    return !v->out->keeps_values || add_all_values(v);
 }
 
 bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out)
@@ -522,6 +614,7 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out)
     if (strncmp(data, "# vtk DataFile", 14) == 0) return plain_mesh_read_vtk(data, size, out);
     v.document = (xml){.data = data, .size = size, .context = &v, .begin = begin_element, .end = end_element};
     const bool ok = plain_mesh_read_xml(out, &v.document, "the VTK file") && build(&v);
+    for (size_t n = 0; n < v.piece_count; n++) free(v.pieces[n].values);
     free(v.pieces);
     return ok;
 }

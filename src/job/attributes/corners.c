@@ -2,7 +2,6 @@
 #include "job/attributes/corners.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,18 +16,6 @@ static const point_attribute_kind kinds[MESH_VALUES_KINDS] = {
     [MESH_VALUES_NORMAL] = POINT_ATTRIBUTE_NORMAL, [MESH_VALUES_COLOR] = POINT_ATTRIBUTE_COLOR,
     [MESH_VALUES_UV] = POINT_ATTRIBUTE_UV,
 };
-
-static bool missing(const attribute_request *request, const mesh_values *v, error *e)
-{
-    char list[600] = "";
-    for (size_t k = 0; k < v->count; k++) {
-        size_t used = strlen(list);
-        snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", v->head[k].name);
-    }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s",
-                     request->name ? request->name : "",
-                     *list ? list : "none (its vertices have positions only)");
-}
 
 struct attribute_mesh {
     char *path;
@@ -63,9 +50,7 @@ static bool find_mesh(const attribute_request *request, attribute_mesh **out, si
         kept->path = mem_strdup(request->path);
     }
     *out = kept;
-    for (*which = 0; *which < kept->values.count; ++*which)
-        if (request->name && strcmp(kept->values.head[*which].name, request->name) == 0) return true;
-    return missing(request, &kept->values, e);
+    return mesh_values_find(&kept->values, request->name, which, e);
 }
 
 bool corners_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e)
@@ -73,8 +58,10 @@ bool corners_find(const attribute_request *request, point_attribute_kind *kind, 
     attribute_mesh *kept;
     size_t which;
     if (!find_mesh(request, &kept, &which, e)) return false;
-    *kind = kinds[kept->values.head[which].kind];
-    *components = (int)kept->values.head[which].components;
+    const mesh_reader_values *head = &kept->values.head[which];
+    const bool is_vector = head->kind == MESH_VALUES_NUMBER && head->components == 3;
+    *kind = is_vector ? POINT_ATTRIBUTE_VECTOR : kinds[head->kind];
+    *components = (int)head->components;
     return true;
 }
 

@@ -166,6 +166,19 @@ static void print_levels(FILE *out, json_at levels)
     }
 }
 
+static void print_vertex_values(FILE *out, json_at values)
+{
+    for (json_at v = json_first(&values); v.node; v = json_next(&v)) {
+        fputs("  values     \"", out);
+        terminal_text_put(out, text_of(v, "name"));
+        fputs("\" ", out);
+        print_numbers(out, json_member(&v, "minimum"), " ");
+        fputs(" to ", out);
+        print_numbers(out, json_member(&v, "maximum"), " ");
+        putc('\n', out);
+    }
+}
+
 static void print_mesh(FILE *out, json_at mesh)
 {
     if (!mesh.node) return;
@@ -184,6 +197,7 @@ static void print_mesh(FILE *out, json_at mesh)
         fputs("open edges:\n", out);
         print_box(out, json_member(&mesh, "open_at"));
     }
+    print_vertex_values(out, json_member(&mesh, "values"));
     for (json_at note = json_first(&notes); note.node; note = json_next(&note))
         terminal_text_print(out, "  note       %s\n", json_string(note, "?"));
 }

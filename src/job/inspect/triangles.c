@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* The contents of mesh files. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/core/memory.h"
@@ -58,6 +59,34 @@ static bool describe(const mesh *m, json *o, error *e)
     return true;
 }
 
+/* Lists the values of the vertices with the smallest and the largest one of each component, for attributes and maps of
+ * spacings. A file whose values are not read has no list. */
+static void describe_values(const mesh_file *file, json *o)
+{
+    mesh m;
+    mesh_values values;
+    if (!mesh_file_read_values(file, &m, &values, NULL)) return;
+    json *list = json_put_array(o, "values");
+    for (size_t k = 0; k < values.count; k++) {
+        const size_t width = values.head[k].components;
+        json *one = json_append_object(list);
+        json_put_string(one, "name", values.head[k].name);
+        json *minimum = json_put_array(one, "minimum"), *maximum = json_put_array(one, "maximum");
+        for (size_t c = 0; c < width; c++) {
+            double low = INFINITY, high = -INFINITY;
+            for (size_t n = c; n < width * m.vertex_count; n += width) {
+                const double value = (double)values.value[k][n];
+                if (isfinite(value)) low = fmin(low, value);
+                if (isfinite(value)) high = fmax(high, value);
+            }
+            json_append_number(minimum, low);
+            json_append_number(maximum, high);
+        }
+    }
+    mesh_values_free(&values);
+    mesh_free(&m);
+}
+
 /* Describes a mesh file. The mesh is freed here; suggestions are tried on a mesh that the job reads again. */
 static bool describe_file(const contents_input *in, json *o, error *e)
 {
@@ -70,6 +99,7 @@ static bool describe_file(const contents_input *in, json *o, error *e)
     json *told = json_put_array(o, "notes");
     for (size_t k = 0; k < notes.count; k++) json_append_string(told, notes.text[k]);
     mesh_free(&m);
+    if (ok) describe_values(&file, o);
     return ok;
 }
 

@@ -746,7 +746,9 @@ static size_t count_leaves(const spec_surface *s)
 
 static bool open_map(const spec *s, const opening *o, error *e)
 {
-    const char *path = s->grid.path ? s->grid.path : s->surface.vdb.path;
+    const char *path = s->grid.path                           ? s->grid.path
+                       : s->surface.kind == SPEC_SURFACE_MESH ? s->surface.mesh.path
+                                                              : s->surface.vdb.path;
     const source_array *given = source_arrays_find(o->source->arrays, path);
     if (given) {
         if (!source_array_check(given, SOURCE_ARRAY_GRID, e)) return false;
@@ -755,7 +757,18 @@ static bool open_map(const spec *s, const opening *o, error *e)
     }
     int fd = open_input(o->source, path, e);
     if (fd < 0) return false;
-    o->source->map = map_open(fd, path, s->grid.name, memory_left(o), e);
+    const mesh_file file = {fd, path, NULL, memory_left(o)};
+    const bool is_mesh = file_formats[file_format_of_file(fd, path)].kind == FILE_FORMAT_MESHES;
+    if (s->grid.has_component && !is_mesh)
+        error_set(e, ERROR_SPEC_INVALID,
+                  "/sampling/grid/component: the values of %s have no components, as those of a mesh have: "
+                  "remove it",
+                  path);
+    else if (is_mesh)
+        o->source->map = map_of_vertices(&file, s->grid.name,
+                                         s->grid.has_component ? s->grid.component : MAP_NO_COMPONENT, e);
+    else
+        o->source->map = map_open(fd, path, s->grid.name, memory_left(o), e);
     close(fd);
     return o->source->map != NULL;
 }

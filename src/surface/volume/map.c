@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "surface/volume/map.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 #include "io/vdb/vdb.h"
+#include "surface/triangles/triangle_tree.h"
 #include "surface/volume/grid_selection.h"
 #include "surface/volume/grid_view.h"
 
@@ -16,6 +18,10 @@ struct map {
     grid_view grid_view;     /* as a level set at 0, so that values are unchanged */
     bool everywhere;         /* the background counts as a value */
     const array_grid *array; /* instead of the grid, or NULL */
+    /* instead of the grid: triangles, and the value of each vertex; or NULL */
+    triangle_tree *tree;
+    mesh triangles;
+    float *value;
 };
 
 static bool check_finite(const vdb_grid *g, error *e)
@@ -110,9 +116,48 @@ map *map_of_array(const array_grid *grid, error *e)
     return m;
 }
 
+/* Copies a component of an array to m->value. */
+static bool take_component(map *m, const mesh_reader_values *head, const float *from, int component, error *e)
+{
+    const size_t components = head->components, at = component < 0 ? 0 : (size_t)component;
+    if (at >= components || (components > 1 && component < 0))
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "\"%s\" has %zu component%s: set /sampling/grid/component to one of 0 to %zu",
+                         head->name, components, components > 1 ? "s" : "", components - 1);
+    m->value = mem_array(m->triangles.vertex_count, sizeof *m->value, "the values of the vertices", e);
+    if (!m->value) return false;
+    for (size_t k = 0; k < m->triangles.vertex_count; k++) m->value[k] = from[components * k + at];
+    for (size_t n = 0; n < m->triangles.triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            if (!isfinite(m->value[m->triangles.triangle[n][k]]))
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "\"%s\" is not finite at vertex %" PRIu32 ": replace its value", head->name,
+                                 m->triangles.triangle[n][k]);
+    return true;
+}
+
+map *map_of_vertices(const mesh_file *file, const char *name, int component, error *e)
+{
+    map *m = mem_alloc(sizeof *m);
+    mesh_values values = {0};
+    size_t which;
+    const bool ok = mesh_file_read_values(file, &m->triangles, &values, e) &&
+                    mesh_values_find(&values, name, &which, e) &&
+                    take_component(m, &values.head[which], values.value[which], component, e) &&
+                    (m->tree = triangle_tree_new(&m->triangles, e));
+    mesh_values_free(&values);
+    if (ok) return m;
+    error_prefix(e, "%s", file->path);
+    map_close(m);
+    return NULL;
+}
+
 void map_close(map *m)
 {
     if (!m) return;
+    triangle_tree_free(m->tree);
+    mesh_free(&m->triangles);
+    free(m->value);
     grid_view_free(&m->grid_view);
     vdb_grid_free(m->grid);
     free(m);
@@ -120,6 +165,9 @@ void map_close(map *m)
 
 size_t map_memory(const map *m)
 {
+    if (m && m->tree)
+        return triangle_tree_bytes(m->tree) + m->triangles.vertex_count * sizeof *m->value +
+               mesh_bytes(m->triangles.vertex_count, m->triangles.triangle_count);
     if (!m || !m->grid) return 0;
     return m->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
            m->grid->tile_count * sizeof(vdb_tile);
@@ -143,9 +191,18 @@ static bool voxel(const map *m, const int32_t at[3], double *value)
     return m->everywhere || m->grid->leaf_active[8 * (size_t)b.leaf + x] >> yz & 1;
 }
 
+static double vertex_value(const map *m, vec3 x)
+{
+    double weight[3], value = 0;
+    const uint32_t *corner = m->triangles.triangle[triangle_tree_find(m->tree, x, weight)];
+    for (int k = 0; k < 3; k++) value += weight[k] * (double)m->value[corner[k]];
+    return value;
+}
+
 double map_value(const void *context, vec3 x)
 {
     const map *m = context;
+    if (m->tree) return vertex_value(m, x);
     vec3 index = affine_apply(m->to_index, x.x, x.y, x.z);
     int32_t low[3];
     double t[3], sum = 0, weights = 0;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/* map: a scalar grid of a VDB file, or a dense array, as a function of space, for painted maps.
+/* map: a scalar grid of a VDB file, a dense array, or a value of the vertices of a mesh file as a function of
+ * space, for painted maps.
  *
  * Values are interpolated trilinearly between voxels. Outside active voxels the value is the background, if
- * that is above 0; otherwise inactive voxels are ignored. The grid has its own transform. World space.
+ * that is above 0; otherwise inactive voxels are ignored. The grid has its own transform. The value of a mesh is
+ * that of the nearest point of its triangles, interpolated linearly between the vertices. World space.
  * Immutable after construction, any thread.
  */
 #ifndef HEXAD_SURFACE_VOLUME_MAP_H
@@ -12,6 +14,7 @@
 
 #include "base/core/error.h"
 #include "geometry/space/vec3.h"
+#include "io/meshes/mesh_file.h"
 #include "io/volumes/array_slices.h"
 
 typedef struct map map;
@@ -24,6 +27,13 @@ map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, e
 /* A dense array as a map: its elements are voxels, and beyond them there are none. The grid and its array outlive
  * the map. Errors: those of array_grid_check, input_damaged (an element is not finite). */
 map *map_of_array(const array_grid *grid, error *e);
+
+/* The array `name` of the vertices of a mesh file (mesh_file_read_values). `component`: index of the component, or
+ * MAP_NO_COMPONENT for an array of one. The file need not outlive the map. Errors: those of
+ * mesh_file_read_values and mesh_values_find, input_unsupported (the component), input_damaged (the value of a
+ * vertex of a triangle is not finite), limit_memory; messages have the file. */
+enum { MAP_NO_COMPONENT = -1 };
+map *map_of_vertices(const mesh_file *file, const char *name, int component, error *e);
 
 void map_close(map *m);
 size_t map_memory(const map *m); /* bytes; NULL: 0 */
