@@ -363,6 +363,12 @@ bad2: spec.Spec = {"surface": {"vdb": {"path": "a.vdb"}}, "sampling": {"cuont": 
 bad3 = spec.Sampling(count=1.5)  # wrong
 bad4 = spec.Solver(method="newton")  # wrong
 bad5 = spec.SurfaceMesh(resolution=64)  # wrong
+ball = hexad.sample("a.obj", count=10, curvature={"ratio": 4}, holes="fill", features={"angle": 0.5}, region={"min": [0, 0, 0]})
+hexad.sample_many(["a.obj"], 10, pattern="blue_noise", seed=3, points={"path": [[0, 0, 0]], "mode": "keep"})
+bad7 = hexad.sample("a.obj", cuont=10)  # wrong
+bad8 = hexad.sample("a.obj", count=10, pattern="blue noise")  # wrong
+bad9 = hexad.sample_many(["a.obj"], 10, isovalue="0.5")  # wrong
+bad10: int = ball.outcome  # wrong
 bad6: str = hexad.Client().submit(good).points().count  # wrong
 """
 
