@@ -19,8 +19,8 @@
  * and mesh apply: results are arrays, not files. `queue` does not apply.
  *
  * Each path in the spec is the name of an array, or each is a file. Files are read by a child process: hexad-worker, at
- * the path in the environment variable HEXAD_WORKER, or where it was installed. Without files, no process is started and
- * no file is opened.
+ * the path in the environment variable HEXAD_WORKER, beside the library, or where it was installed. Without files, no
+ * process is started and no file is opened.
  *
  * Functions that can fail return 0, or -1 and *error, which may be NULL. If small objects cannot be allocated, the
  * process is aborted; if memory is out for an array, the call fails with the code limit_memory.

@@ -4,6 +4,7 @@
  * then the end of the pipe shows that the child has ended. */
 #include "config.h"
 
+#include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -37,10 +38,22 @@ typedef struct child {
     bool is_cancelled;
 } child;
 
-static const char *program(void)
+/* The program: HEXAD_WORKER, or beside the library, or where it was installed. */
+static char *find_program(void)
 {
+    static const char name[] = "/hexad-worker";
     const char *set = getenv("HEXAD_WORKER");
-    return set && *set ? set : HEXAD_BINDIR "/hexad-worker";
+    if (set && *set) return mem_strdup(set);
+    Dl_info library;
+    if (dladdr(name, &library) && *library.dli_fname == '/') { /* the child may start in another directory */
+        const size_t length = (size_t)(strrchr(library.dli_fname, '/') - library.dli_fname);
+        char *beside = mem_alloc(length + sizeof name);
+        memcpy(beside, library.dli_fname, length);
+        memcpy(beside + length, name, sizeof name);
+        if (access(beside, X_OK) == 0) return beside;
+        free(beside);
+    }
+    return mem_strdup(HEXAD_BINDIR "/hexad-worker");
 }
 
 /* A descriptor from which the text can be read; -1. */
@@ -105,8 +118,9 @@ static void add_own_roots(words *w, const spec *s)
 static words command_line(const hexad_job *job, const spec *s)
 {
     words w = {0};
-    char number[16];
-    add_word(&w, program());
+    char number[16], *program = find_program();
+    add_word(&w, program);
+    free(program);
     add_word(&w, WORKER_COMMAND_RUN);
     add_word(&w, WORKER_SPEC_ON_STDIN);
     snprintf(number, sizeof number, "%d", CHILD_ARRAYS);

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
+import typing
 import zipfile
 
 import numpy
@@ -509,10 +510,43 @@ def test_calls_that_are_wrong(call, words):
         call()
 
 
+def test_keywords_have_the_types_of_the_spec():
+    """Of each member of sampling and of the four surfaces but those that differ from the spec on purpose."""
+    from hexad import spec
+    from hexad.sample import SURFACES, Members, members_of
+    own = typing.get_type_hints(Members)
+    expected = {}
+    for kind in ("Sampling", SURFACES["mesh"], SURFACES["volume"], SURFACES["vdb"]):
+        hints = typing.get_type_hints(getattr(spec, kind))
+        assert set(hints) == members_of(kind)
+        for name in hints:
+            expected.setdefault(name, set()).add(hints[name])
+    assert set(own) == set(expected) - {"path", "count"}
+    assert {name for name in own if expected[name] != {own[name]}} == {"grid", "points", "voxel_size"}
+
+
 def test_an_unresolved_result_is_a_warning():
     thin = formula({"count": 100}, shape="torus", major_radius=1, minor_radius=0.02)
     with pytest.warns(hexad.OutcomeWarning, match="unresolved"):
-        hexad.sample({**thin, "outcome": {"require": {"hex_fraction": 0.5}}})
+        points = hexad.sample({**thin, "outcome": {"require": {"hex_fraction": 0.5}}})
+    assert points.count == 100 and points.outcome == "unresolved"
+
+
+def test_a_result_that_has_not_converged_is_a_warning():
+    with pytest.warns(hexad.OutcomeWarning, match="not_converged") as told:
+        points = hexad.sample({**formula(), "solver": {"max_sweeps": 1}})
+    assert points.count == 300 and points.outcome == "not_converged" and told[0].filename == __file__
+
+
+def test_an_interrupt_ends_sample_many(library):
+    program = f"import sys; sys.path.insert(0, {str(SOURCE / 'clients/python')!r}); import hexad, signal, threading\n" \
+              f"signal.signal(signal.SIGINT, signal.default_int_handler)\n" \
+              f"hexad.sample_many([{ENDLESS!r}] * 3, 100000, processors=2, progress=lambda *_: print('runs', flush=True))"
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "runs\n"
+        process.send_signal(signal.SIGINT)
+        words = process.communicate(timeout=PATIENCE_S)[1]
+    assert "KeyboardInterrupt" in words and process.returncode == -signal.SIGINT
 
 
 def test_sample_many():

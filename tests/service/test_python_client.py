@@ -363,6 +363,12 @@ bad2: spec.Spec = {"surface": {"vdb": {"path": "a.vdb"}}, "sampling": {"cuont": 
 bad3 = spec.Sampling(count=1.5)  # wrong
 bad4 = spec.Solver(method="newton")  # wrong
 bad5 = spec.SurfaceMesh(resolution=64)  # wrong
+ball = hexad.sample("a.obj", count=10, curvature={"ratio": 4}, holes="fill", features={"angle": 0.5}, region={"min": [0, 0, 0]})
+hexad.sample_many(["a.obj"], 10, pattern="blue_noise", seed=3, points={"path": [[0, 0, 0]], "mode": "keep"})
+bad7 = hexad.sample("a.obj", cuont=10)  # wrong
+bad8 = hexad.sample("a.obj", count=10, pattern="blue noise")  # wrong
+bad9 = hexad.sample_many(["a.obj"], 10, isovalue="0.5")  # wrong
+bad10: int = ball.outcome  # wrong
 bad6: str = hexad.Client().submit(good).points().count  # wrong
 """
 
@@ -436,15 +442,25 @@ def test_the_submitters_have_the_syntax_of_their_programs():
         ast.parse(path.read_text(), feature_version=(3, 9))
 
 
-@pytest.mark.parametrize("page", ["doc/python.md", "doc/library.md", "clients/python/README.md"])
+@pytest.mark.parametrize("page", ["doc/python.md", "doc/library.md", "clients/python/README.md",
+                                  pytest.param("doc/examples.md", marks=pytest.mark.extended)])
 def test_the_examples_of_the_pages(client, build, source, tmp_path, monkeypatch, page):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HEXAD_SERVER", client.service.address)
     monkeypatch.setenv("HEXAD_WORKER", str(build / "hexad-worker"))
     monkeypatch.setenv("HEXAD_LIBRARY", str(build / "libhexad.so.1"))
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    if page == "doc/examples.md":
+        pytest.importorskip("matplotlib", reason="no python3-matplotlib")
+        pytest.importorskip("vtkmodules", reason="no python3-vtk9")
     (tmp_path / "cube.obj").write_text(CUBE_OBJ)
     failed, tried = doctest.testfile(str(source / page), module_relative=False, optionflags=doctest.ELLIPSIS)
     assert failed == 0 and tried >= 3
+    if page == "doc/examples.md":
+        for name in ("points.png", "mesh.png"):
+            values = b"".join(map(bytes, read_png((tmp_path / name).read_bytes())[2]))
+            assert 0.02 < 1 - values.count(255) / len(values) < 0.5, name  # on white
+        assert "NumberOfPoints=\"2000\"" in (tmp_path / "points.vtp").read_bytes()[:1000].decode("latin-1")
 
 
 def test_a_fault_that_the_service_finds_is_a_warning(client, monkeypatch):

@@ -2,12 +2,10 @@
 """What the README says can be typed in, typed in: its blocks of shell, in order, with packages and from a clone."""
 import json
 import os
-import pathlib
 import re
 import signal
 import subprocess
-
-import pytest
+import sys
 
 from service import PATIENCE_S, wait_until
 
@@ -21,9 +19,13 @@ def blocks(source, kind):
     return [block for block in found if BOOTSTRAP not in block and "apt-get" not in block]
 
 
-@pytest.fixture
-def source():
-    return pathlib.Path(os.environ["HEXAD_SOURCE"])
+def test_the_function_in_python(build, source):
+    text = (source / "README.md").read_text()
+    lines, = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
+    environment = {**os.environ, "HEXAD_LIBRARY": str(build / "libhexad.so.1"), "PYTHONPATH": str(source / "clients/python")}
+    program = lines + "print(points.positions.shape, points.normals.shape, points.outcome)"
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert len(lines.splitlines()) == 3 and done.stdout == "(2000, 3) (2000, 3) converged\n", done.stderr
 
 
 def type_in(block, where, environment):

@@ -53,11 +53,16 @@ FUNCTIONS: dict[str, tuple[Any, list[Any]]] = {
 }
 
 
+def own_file(name: str) -> str | None:
+    """A file of the wheel; None in an installation without it."""
+    path = pathlib.Path(__file__).resolve().with_name("lib") / name
+    return str(path) if path.exists() else None
+
+
 @functools.lru_cache(maxsize=None)
 def load() -> Any:
-    """The library: HEXAD_LIBRARY, or the file beside this module, or what the loader finds."""
-    beside = pathlib.Path(__file__).with_name(NAME)
-    path = os.environ.get("HEXAD_LIBRARY") or (str(beside) if beside.exists() else NAME)
+    """The library: HEXAD_LIBRARY, or the file in the wheel, or what the loader finds."""
+    path = os.environ.get("HEXAD_LIBRARY") or own_file(NAME) or NAME
     try:
         library = ctypes.CDLL(path)
     except OSError as fault:

@@ -17,6 +17,7 @@ from typing import Any, Iterator, Sequence
 from .errors import HexadError, Problem, WaitTimeout
 from .events import Event
 from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, hash_file, save, wait_as_asked, with_version
+from .library import own_file
 from .problems import BY_CODE, Conflict, IdempotencyMismatch
 
 __all__ = ["Local", "LocalJob"]
@@ -233,7 +234,7 @@ class LocalJob(Job):
 class Local(Service):
     """Runs jobs on this machine with hexad-worker, without a service; the members are those of Client.
 
-    worker: the program; by default HEXAD_WORKER, or hexad-worker on the PATH
+    worker: the program; by default HEXAD_WORKER, or hexad-worker of the wheel or on the PATH
     directory: where results and files that are made readable are kept; by default a temporary one, which goes with this
         object (a context manager)
     input_roots: directories that jobs may read from; by default paths are opened as they are
@@ -242,7 +243,7 @@ class Local(Service):
 
     def __init__(self, worker: PathLike | None = None, directory: PathLike | None = None,
                  input_roots: Sequence[PathLike] = (), workers: int = 1) -> None:
-        found = worker or os.environ.get("HEXAD_WORKER") or shutil.which("hexad-worker")
+        found = worker or os.environ.get("HEXAD_WORKER") or own_file("hexad-worker") or shutil.which("hexad-worker")
         if not found:
             raise HexadError("there is no hexad-worker on the PATH: install it, or set HEXAD_WORKER to its path")
         self.worker = os.fspath(found)

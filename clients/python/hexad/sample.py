@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import os
 import warnings
-from typing import Any, Iterable, Mapping, Sequence, Union
+from typing import TYPE_CHECKING, Any, Iterable, Literal, Mapping, Sequence, TypedDict, Union
 
 from . import spec as spec_module
 from .errors import HexadError, OutcomeWarning
@@ -13,12 +13,64 @@ from .job import PathLike, with_version
 from .library import Job, Progress, load_numpy
 from .points import Points
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 __all__ = ["Samples", "Sampled", "sample", "sample_many"]
 
 VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".tif", ".tiff", ".zarr", ".ome.zarr")
 SURFACES = {"mesh": "SurfaceMesh", "volume": "SurfaceVolume", "labels": "SurfaceLabels", "vdb": "SurfaceVdb"}
 MEANING = {"unresolved": "the points do not represent the surface: walls are thinner than the spacing",
            "not_converged": "the points may still move"}
+
+
+class Members(TypedDict, total=False):
+    """Keywords of `sample`: members of `sampling` and of the surface, with the types of `hexad.spec`. An array may be in place of a path."""
+
+    spacing: float
+    density: float
+    pattern: Literal["hexagonal", "blue_noise"]
+    control: spec_module.SamplingControl
+    time_s: float
+    resolve: bool
+    attach: str
+    feature: spec_module.SamplingFeature
+    alpha: spec_module.SamplingAlpha
+    curvature: spec_module.SamplingCurvature
+    grid: Union[str, Mapping[str, Any]]
+    points: Any
+    curve_spacing: float
+    min_spacing: float
+    max_spacing: float
+    gradation: float
+    voxel_size: Union[float, Sequence[float]]
+    resolution: int
+    max_resolution: int
+    band_vox: int
+    weld: float
+    holes: Literal["keep", "fill"]
+    interior: Literal["auto", "keep", "drop"]
+    features: spec_module.SurfaceMeshFeatures
+    on_mesh: bool
+    isovalue: float
+    index: int
+    level: int
+    slices: str
+    reconstruction: Literal["interpolating", "smoothing"]
+
+
+class Keywords(Members, total=False):
+    """Keywords of `sample_many`."""
+
+    affine: Any
+    seed: int
+    threads: int
+    region: spec_module.Region
+    attributes: Sequence[spec_module.AttributesItem]
+    mesh: bool
+    directory: PathLike
+    roots: Sequence[PathLike]
+    progress: Progress
 
 
 class Sampled(Points):
@@ -120,7 +172,7 @@ def members_of(kind: str) -> set[str]:
     return {name for base in found.__mro__ for name in getattr(base, "__annotations__", {})}
 
 
-def make_spec(surface: Any, faces: Any, affine: Any, keywords: dict[str, Any]) -> dict[str, Any]:
+def make_spec(surface: Any, faces: Any, affine: Any, keywords: Mapping[str, Any]) -> dict[str, Any]:
     """The spec of a mesh, a volume or a file, with keywords as members."""
     numpy = load_numpy()
     if isinstance(surface, (str, os.PathLike)):
@@ -171,10 +223,11 @@ def run(spec: Mapping[str, Any], directory: PathLike | None, roots: Sequence[Pat
     return Sampled(job.arrays(), job.report())
 
 
-def sample(surface: Any, faces: Any = None, *, affine: Any = None, seed: int | None = None, threads: int | None = None,
-           region: Mapping[str, Any] | None = None, attributes: Sequence[Mapping[str, Any]] | None = None,
-           mesh: bool | None = None, directory: PathLike | None = None, roots: Sequence[PathLike] = (),
-           progress: Progress | None = None, **keywords: Any) -> Sampled:
+def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine: Any = None, seed: int | None = None,
+           threads: int | None = None, region: spec_module.Region | None = None,
+           attributes: Sequence[spec_module.AttributesItem] | None = None, mesh: bool | None = None,
+           directory: PathLike | None = None, roots: Sequence[PathLike] = (), progress: Progress | None = None,
+           **keywords: Unpack[Members]) -> Sampled:
     """Evenly packed points on a surface: `sample(vertices, faces, count=10_000)`.
 
     surface: one of
@@ -185,18 +238,22 @@ def sample(surface: Any, faces: Any = None, *, affine: Any = None, seed: int | N
     seed, threads, region, attributes, mesh: members of the spec; mesh=True: triangles between the points
     directory, roots: where files are, and below which directories they must be; for a spec
     progress: a function of the phase and the fraction; if its result is true, the call is cancelled
-    keywords: members of `sampling` (count, spacing, curvature, pattern, points, ...) and of the surface (isovalue, features, ...)
+    count: the number of points
+    keywords: further members of `sampling` (spacing, curvature, pattern, points, ...) and of the surface (isovalue, features, ...)
 
     A call that fails raises JobFailed with a code. The outcomes unresolved and not_converged are warnings.
     """
+    members: dict[str, Any] = dict(keywords)
+    if count is not None:
+        members["count"] = count
     if isinstance(surface, Mapping):
-        if faces is not None or affine is not None or keywords:
+        if faces is not None or affine is not None or members:
             raise TypeError("a spec has all members: put these into it: " +
                             ", ".join([*(["faces"] if faces is not None else []), *(["affine"] if affine is not None else []),
-                                       *keywords]))
+                                       *members]))
         spec: dict[str, Any] = dict(surface)
     else:
-        spec = make_spec(surface, faces, affine, keywords)
+        spec = make_spec(surface, faces, affine, members)
     put(spec, "solver", "seed", seed)
     put(spec, "solver", "threads", threads)
     put(spec, None, "region", region)
@@ -211,7 +268,8 @@ def sample(surface: Any, faces: Any = None, *, affine: Any = None, seed: int | N
 Surface = Union[PathLike, Sequence[Any], Mapping[str, Any], Any]
 
 
-def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: int | None = None, **keywords: Any) -> Samples:
+def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: int | None = None,
+                **keywords: Unpack[Keywords]) -> Samples:
     """The same number of points on each of many surfaces: `sample_many([(vertices, faces), ...], count=2048)`.
 
     surfaces: of each what `sample` takes: (vertices, faces), a volume, the name of a file, or a spec
@@ -223,11 +281,15 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
     listed = list(surfaces)
     made = Samples(len(listed), count)
     stopped: list[bool] = []
+    follow = keywords.get("progress")
+
+    def hear(phase: str, fraction: float) -> bool:
+        return bool(stopped) or bool(follow and follow(phase, fraction))
 
     def one(k: int) -> None:
         surface = listed[k]
         pair = surface if isinstance(surface, (tuple, list)) else (surface,)
-        members: dict[str, Any] = {"threads": 1, "progress": lambda *_: bool(stopped), **keywords}
+        members: dict[str, Any] = {"threads": 1, **keywords, "progress": hear}
         if not isinstance(pair[0], Mapping):
             members["count"] = count
         try:

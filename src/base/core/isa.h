@@ -31,8 +31,9 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 /* Attribute of a function that is compiled for several instruction sets; the loader selects the fastest
  * version. Use it for functions whose instruction set is not a setting. _OF_128: for functions with vectors
  * of at most 128 bits. With AVX-512, GCC 12 moves these in whole registers and leaves the upper parts dirty,
- * which delays later code without AVX. A test finds such functions. */
-#ifdef __x86_64__
+ * which delays later code without AVX. A test finds such functions. ThreadSanitizer's code in the functions that select
+ * a version would run before its library is loaded. */
+#if defined __x86_64__ && !defined __SANITIZE_THREAD__
 #define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
 #define ISA_CLONES_OF_128 __attribute__((target_clones("default", "avx2")))
 #else
