@@ -24,6 +24,9 @@ static const size_t FIRST_ENTRIES = 20;
 static const double BIN_HAIR = 1e-6;
 enum { LANES = 16 };
 enum { CHUNK = 4096 }; /* points in a chunk of work */
+/* Points of a bin from which on its candidates are sorted by label, so that a point is compared only with points of its label.
+ * Bins on a surface have about 10 points; the sort then takes longer than the comparisons that it saves. */
+enum { MANY_POINTS = 256 };
 /* A block with its adjacent bins: number of cells along each axis, and in total. */
 enum { WIDE_BLOCK = BLOCK_WIDTH + 2, WIDE_CELLS = WIDE_BLOCK * WIDE_BLOCK * WIDE_BLOCK };
 
@@ -84,6 +87,12 @@ typedef struct block_cells {
     uint32_t first;
 } block_cells;
 
+/* The points of a label in `by_label`, in whole vectors. */
+typedef struct label_range {
+    uint32_t label;
+    size_t begin, count;
+} label_range;
+
 /* Working memory of one worker; aligned so that two workers share no cache line. */
 typedef struct list_search {
     _Alignas(64) neighbours *n;
@@ -99,7 +108,12 @@ typedef struct list_search {
         all; /* if all bins have one level: the points of the block and of the adjacent bins, cell after
               * cell */
     uint32_t cell_begin[WIDE_CELLS + 1]; /* ranges of the cells in `all` */
-    size_t entries, entry_capacity;      /* lists of the block, one after the other */
+    candidates by_label; /* the points of `near`, sorted by label; each label begins a vector */
+    label_range *range;  /* per label of `by_label`, ascending */
+    size_t ranges, range_capacity;
+    uint32_t *number; /* scratch memory of the sort */
+    size_t number_capacity;
+    size_t entries, entry_capacity; /* lists of the block, one after the other */
     uint32_t *entry;
 } list_search;
 
@@ -365,6 +379,101 @@ static void search_gathered(list_search *s)
         }
 }
 
+/* Fills the last vector with points that are never neighbours. */
+static void fill_vector(candidates *c)
+{
+    for (; c->count % LANES; c->count++) {
+        c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
+        c->item[c->count] = UINT32_MAX;
+        c->label[c->count] = 0;
+        c->size[c->count] = NAN;
+    }
+}
+
+/* Sorts the numbers of the candidates by label, stably, digit by digit. Returns the sorted numbers. */
+static const uint32_t *sorted_numbers(list_search *s)
+{
+    enum { BITS = 8, DIGITS = 1 << BITS };
+    const candidates *c = &s->near;
+    if (2 * c->count > s->number_capacity) {
+        s->number_capacity = 4 * c->count;
+        s->number = mem_resize(s->number, s->number_capacity * sizeof *s->number);
+    }
+    uint32_t *from = s->number, *to = from + c->count, used = 0;
+    for (size_t k = 0; k < c->count; k++) {
+        from[k] = (uint32_t)k;
+        used |= c->label[k];
+    }
+    for (int shift = 0; shift < 32 && used >> shift; shift += BITS) {
+        size_t begin[DIGITS + 1] = {0};
+        for (size_t k = 0; k < c->count; k++) begin[(c->label[k] >> shift) % DIGITS + 1]++;
+        for (int d = 0; d < DIGITS; d++) begin[d + 1] += begin[d];
+        for (size_t k = 0; k < c->count; k++) to[begin[(c->label[from[k]] >> shift) % DIGITS]++] = from[k];
+        uint32_t *swap = from;
+        from = to;
+        to = swap;
+    }
+    return from;
+}
+
+static void begin_range(list_search *s, uint32_t label)
+{
+    if (s->ranges == s->range_capacity) {
+        s->range_capacity = 2 * s->range_capacity + LANES;
+        s->range = mem_resize(s->range, s->range_capacity * sizeof *s->range);
+    }
+    s->range[s->ranges++] = (label_range){label, s->by_label.count, 0};
+}
+
+/* Sorts the candidates by label into `by_label`. Points of one label keep their order. */
+static void sort_by_label(list_search *s)
+{
+    const candidates *from = &s->near;
+    candidates *to = &s->by_label;
+    const uint32_t *number = sorted_numbers(s);
+    to->count = s->ranges = 0;
+    for (size_t k = 0; k < from->count; k++) {
+        const size_t b = number[k];
+        if (k == 0 || from->label[b] != from->label[number[k - 1]]) {
+            fill_vector(to);
+            begin_range(s, from->label[b]);
+        }
+        reserve_candidates(to, 1);
+        to->x[to->count] = from->x[b];
+        to->y[to->count] = from->y[b];
+        to->z[to->count] = from->z[b];
+        to->size[to->count] = from->size[b];
+        to->label[to->count] = from->label[b];
+        to->item[to->count++] = from->item[b];
+        label_range *own = &s->range[s->ranges - 1];
+        own->count = to->count - own->begin;
+    }
+    reserve_candidates(to, 0);
+    fill_vector(to);
+}
+
+/* The candidates of a label, which has at least one, in whole vectors. */
+static candidates candidates_of(const list_search *s, uint32_t label)
+{
+    size_t low = 0, high = s->ranges;
+    while (high - low > 1) {
+        const size_t middle = (low + high) / 2;
+        if (s->range[middle].label <= label)
+            low = middle;
+        else
+            high = middle;
+    }
+    const candidates *c = &s->by_label;
+    const size_t at = s->range[low].begin;
+    return (candidates){.count = (s->range[low].count + LANES - 1) / LANES * LANES,
+                        .x = c->x + at,
+                        .y = c->y + at,
+                        .z = c->z + at,
+                        .size = c->size + at,
+                        .item = c->item + at,
+                        .label = c->label + at};
+}
+
 /* Makes the lists of the points of the current bin; positions are relative to the lists of the block.
  * Entries that do not fit are counted, but not stored. */
 static size_t list_bin(list_search *s, finder find, size_t bin)
@@ -378,22 +487,20 @@ static size_t list_bin(list_search *s, finder find, size_t bin)
     else
         search_level(s);
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
-    for (; c->count % LANES; c->count++) { /* fill the last vector with points that are never neighbours */
-        c->x[c->count] = c->y[c->count] = c->z[c->count] = 0;
-        c->item[c->count] = UINT32_MAX;
-        c->label[c->count] = 0;
-        c->size[c->count] = NAN;
-    }
+    const bool sorted = n->label && n->bin_begin[bin + 1] - n->bin_begin[bin] >= MANY_POINTS;
+    if (sorted) sort_by_label(s);
+    fill_vector(c);
     size_t longest = 0;
     for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
         uint32_t i = n->bin_item[a];
         size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
-        if (begin + c->count + LANES > s->entry_capacity) {
-            s->entry_capacity = 2 * (begin + c->count + LANES);
+        const uint32_t label = n->label ? n->label[i] : 0;
+        const candidates own = sorted ? candidates_of(s, label) : *c;
+        if (begin + own.count + LANES > s->entry_capacity) {
+            s->entry_capacity = 2 * (begin + own.count + LANES);
             s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
         }
-        const uint32_t label = n->label ? n->label[i] : 0;
-        size_t count = find(c, n->place[i], i, label, (float)(cutoff * cutoff), s->entry + begin);
+        size_t count = find(&own, n->place[i], i, label, (float)(cutoff * cutoff), s->entry + begin);
         n->list_begin[i] = (uint32_t)begin;
         n->list_count[i] = (uint32_t)count;
         s->entries += count;
@@ -508,6 +615,9 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
     for (list_search *s = job.searches; s < job.searches + workers; s++) {
         free_candidates(&s->near);
         free_candidates(&s->all);
+        free_candidates(&s->by_label);
+        free(s->range);
+        free(s->number);
         free(s->entry);
     }
     free(job.searches);
