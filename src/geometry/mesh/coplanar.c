@@ -12,14 +12,20 @@
 
 static const char what[] = "the coplanar faces of the mesh";
 
-/* An oblique direction: parts of different planes seldom have the same distance from the origin and the
- * same slope along it. */
-static const vec3 oblique = {0.5377, 0.3183, 0.7809};
+enum { DIRECTIONS = 3 };
+/* Oblique, orthogonal directions: parts of different planes seldom have the same distance from the origin and the same slope
+ * along the first one. The faces around an axis have one slope along the axis, and different slopes along the others. */
+static const vec3 oblique[DIRECTIONS] = {
+    {0.5377, 0.3183, 0.7809}, {-0.5094, 0.8605, 0}, {-0.6720, -0.3978, 0.6248}};
+/* Overlaps of intervals per part along the first direction up to which no other direction is tried, and the ratio of the
+ * overlaps from which on another direction is used. A sweep in the order of the parts takes less time per overlap. */
+static const double few_overlaps = 32, fewer_overlaps = 0.25;
 
 /* A set of triangles in one plane that are connected by sides. Parts of one plane have overlapping intervals
- * [low, high] (see widen). */
+ * [low, high] along each direction (see widen). */
 typedef struct part {
-    double low, high, height; /* height: of the triangle with the largest height over its longest side */
+    double low[DIRECTIONS], high[DIRECTIONS],
+        height; /* height: of the triangle with the largest height over its longest side */
     bbox box;
     uint32_t first, count; /* range of the part in `by_part` */
 } part;
@@ -130,8 +136,8 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
 }
 
 /* Extends the part's box by triangle t. If t has the largest height of the part so far, sets the part's
- * normal and its interval [low, high]. The interval is centred at d / scale + slope: d is the distance of
- * the plane from the origin, and the slope is the component of the normal along the oblique direction. Its
+ * normal and its intervals [low, high]. An interval is centred at d / scale + slope: d is the distance of
+ * the plane from the origin, and the slope is the component of the normal along the direction. Its
  * half-width is the error by rounding. Parts of one plane have overlapping intervals. */
 static void widen(const cutting *c, double scale, uint32_t t, part *p)
 {
@@ -141,18 +147,20 @@ static void widen(const cutting *c, double scale, uint32_t t, part *p)
     for (int k = 0; k < 3; k++) p->box = bbox_unite(p->box, bbox_grow((bbox){corner[k], corner[k]}, reach));
     const plane f = plane_of(corner);
     if (!(f.height > p->height)) return;
-    const double slope = vec3_dot(f.normal, oblique), number = fabs(vec3_dot(f.at, f.normal) / scale + slope),
-                 error_of = 8 * reach / f.height;
+    const double error_of = 8 * reach / f.height;
     p->height = f.height;
     c->normal[c->part_of[t]] = f.normal;
-    p->low = number - error_of;
-    p->high = number + error_of;
+    for (int d = 0; d < DIRECTIONS; d++) {
+        const double number = fabs(vec3_dot(f.at, f.normal) / scale + vec3_dot(f.normal, oblique[d]));
+        p->low[d] = number - error_of;
+        p->high[d] = number + error_of;
+    }
 }
 
 static int by_low(const void *left, const void *right)
 {
     const part *a = left, *b = right;
-    if (a->low != b->low) return a->low < b->low ? -1 : 1;
+    if (a->low[0] != b->low[0]) return a->low[0] < b->low[0] ? -1 : 1;
     return (a->first > b->first) - (a->first < b->first);
 }
 
@@ -289,14 +297,136 @@ static bool pair_parts(cutting *c, const part *a, const part *b, error *e)
     return ok;
 }
 
-static bool find_pairs(cutting *c, error *e)
+/* ---- pairs of parts */
+
+/* The intervals of all parts along a direction, ascending by `low`. */
+typedef struct interval {
+    double low, high;
+    double highest; /* of the subtree whose root is this interval: the middle of its range (see walk) */
+    uint32_t part;
+} interval;
+
+static int by_low_end(const void *left, const void *right)
+{
+    const interval *a = left, *b = right;
+    if (a->low != b->low) return a->low < b->low ? -1 : 1;
+    return (a->part > b->part) - (a->part < b->part);
+}
+
+static void list_intervals(const cutting *c, int direction, interval *list)
+{
+    for (size_t k = 0; k < c->part_count; k++) {
+        const part *p = &c->parts[k];
+        list[k] = (interval){p->low[direction], p->high[direction], 0, (uint32_t)k};
+    }
+    qsort(list, c->part_count, sizeof *list, by_low_end);
+}
+
+/* Number of pairs of overlapping intervals. */
+static double count_overlaps(const interval *list, size_t count)
+{
+    double sum = 0;
+    for (size_t k = 0; k < count; k++) {
+        size_t low = k, high = count; /* the intervals up to `low` begin at or below the end */
+        while (high - low > 1) {
+            const size_t middle = (low + high) / 2;
+            if (list[middle].low <= list[k].high)
+                low = middle;
+            else
+                high = middle;
+        }
+        sum += (double)(low - k);
+    }
+    return sum;
+}
+
+static double set_highest(interval *list, size_t begin, size_t end)
+{
+    if (begin == end) return -INFINITY;
+    const size_t middle = begin + (end - begin) / 2;
+    const double below = set_highest(list, begin, middle), above = set_highest(list, middle + 1, end);
+    return list[middle].highest = fmax(list[middle].high, fmax(below, above));
+}
+
+/* A search for the later parts whose intervals overlap those of part i and whose boxes do. */
+typedef struct part_search {
+    const cutting *c;
+    const interval *list;
+    uint32_t i;
+    double low, high;
+    uint32_t *found;
+    size_t count;
+} part_search;
+
+static void walk(part_search *s, size_t begin, size_t end)
+{
+    if (begin == end) return;
+    const size_t middle = begin + (end - begin) / 2;
+    const interval *at = &s->list[middle];
+    const part *parts = s->c->parts;
+    if (at->highest < s->low) return;
+    walk(s, begin, middle);
+    if (at->low > s->high) return;
+    if (at->high >= s->low && at->part > s->i && parts[at->part].low[0] <= parts[s->i].high[0] &&
+        bbox_overlap(parts[s->i].box, parts[at->part].box))
+        s->found[s->count++] = at->part;
+    walk(s, middle + 1, end);
+}
+
+static int by_number(const void *left, const void *right)
+{
+    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
+    return (a > b) - (a < b);
+}
+
+/* Pairs the parts in ascending order of both, as pair_in_order does. */
+static bool pair_by_intervals(cutting *c, int direction, interval *list, error *e)
+{
+    list_intervals(c, direction, list);
+    set_highest(list, 0, c->part_count);
+    part_search s = {.c = c, .list = list, .found = mem_array(c->part_count, sizeof *s.found, what, e)};
+    bool ok = s.found;
+    for (; ok && s.i < c->part_count; s.i++) {
+        const part *own = &c->parts[s.i];
+        s.low = own->low[direction];
+        s.high = own->high[direction];
+        s.count = 0;
+        walk(&s, 0, c->part_count);
+        qsort(s.found, s.count, sizeof *s.found, by_number);
+        for (size_t k = 0; ok && k < s.count; k++) ok = pair_parts(c, own, &c->parts[s.found[k]], e);
+    }
+    free(s.found);
+    return ok;
+}
+
+static bool pair_in_order(cutting *c, error *e)
 {
     for (size_t i = 0; i < c->part_count; i++)
-        for (size_t j = i + 1; j < c->part_count && c->parts[j].low <= c->parts[i].high; j++)
+        for (size_t j = i + 1; j < c->part_count && c->parts[j].low[0] <= c->parts[i].high[0]; j++)
             if (bbox_overlap(c->parts[i].box, c->parts[j].box) &&
                 !pair_parts(c, &c->parts[i], &c->parts[j], e))
                 return false;
     return true;
+}
+
+static bool find_pairs(cutting *c, error *e)
+{
+    interval *list = mem_array(c->part_count, sizeof *list, what, e);
+    if (!list) return false;
+    list_intervals(c, 0, list);
+    const double first = count_overlaps(list, c->part_count);
+    double fewest = fewer_overlaps * first;
+    int best = 0;
+    for (int d = 1; d < DIRECTIONS && first > few_overlaps * (double)c->part_count; d++) {
+        list_intervals(c, d, list);
+        const double overlaps = count_overlaps(list, c->part_count);
+        if (overlaps >= fewest) continue;
+        fewest = overlaps;
+        best = d;
+    }
+    const bool ok = best > 0 ? pair_by_intervals(c, best, list, e) : pair_in_order(c, e);
+    free(list);
+    return ok;
 }
 
 /* ---- cutting */
