@@ -3,10 +3,11 @@
 """Measures the CPU time of jobs on meshes that take long for their size, and the worker's estimate of it (slow.csv).
 
     measurements/inputs/slow.py --worker build/hexad-worker --output slow.csv [--only WORD ...] [--size 1] [--count 2000]
-                       [--most 120]
+                       [--most 120] [--growth]
 
 The meshes are generated: fans, combs, slivers, many faces on one edge or vertex, many parts. `--size` multiplies the number of
-their faces. Each run has one thread and seed 1, and is stopped after `--most` seconds of CPU time. Ends with 1 if a run was
+their faces. `--growth` instead measures each mesh with its faces and with twice their number (growth.csv): the work follows the
+number of faces if the ratio of the times is about 2. Each run has one thread and seed 1, and is stopped after `--most` seconds of CPU time. Ends with 1 if a run was
 stopped, or failed with another error than limit_memory.
 """
 import argparse
@@ -22,6 +23,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "common"))
 import results  # noqa: E402
 
 HEADER = ("mesh", "what", "faces", "cpu_s", "estimate_s", "ratio", "outcome")
+GROWTH = ("mesh", "what", "faces", "cpu_s", "twice_faces", "twice_cpu_s", "growth", "outcome")
 # The worker's exit codes of results.
 RESULTS = (0, 10, 11)
 
@@ -69,15 +71,21 @@ def pleats(count):
     return strip(*lines, is_closed=False, is_cut=True)
 
 
-def diagonal(x, y, z):
-    """Rotates the axis z to (1, 1, 1)."""
-    u, v, w = (1 / math.sqrt(2), -1 / math.sqrt(2), 0), (1 / math.sqrt(6), 1 / math.sqrt(6), -2 / math.sqrt(6)), (1 / math.sqrt(3),) * 3
-    return tuple(x * a + y * b + z * c for a, b, c in zip(u, v, w))
+def turned(vertices, axis):
+    """Rotates the axis z to `axis`."""
+    length, across = math.hypot(*axis), math.hypot(*axis[:2])
+    w, u = [a / length for a in axis], (-axis[1] / across, axis[0] / across, 0)
+    v = (w[1] * u[2] - w[2] * u[1], w[2] * u[0] - w[0] * u[2], w[0] * u[1] - w[1] * u[0])
+    return [tuple(x * a + y * b + z * c for a, b, c in zip(u, v, w)) for x, y, z in vertices]
 
 
-def needle_cylinder(sides, is_diagonal, height=2.0):
+# The direction along which coplanar.c compares planes first.
+OBLIQUE = (0.5377, 0.3183, 0.7809)
+
+
+def needle_cylinder(sides, axis=None, height=2.0):
     vertices, faces = strip(circle(sides, 0.5, -height / 2), circle(sides, 0.5, height / 2), is_closed=True, is_cut=True)
-    return ([diagonal(*p) for p in vertices] if is_diagonal else vertices), faces
+    return (turned(vertices, axis) if axis else vertices), faces
 
 
 def book(pages, is_triangle):
@@ -124,6 +132,39 @@ def shells(count):
     return joined(tetrahedron(k % side, k // side % side, k // side ** 2) for k in range(count))
 
 
+def nested(count):
+    """Tetrahedra around one centre."""
+    return joined(([tuple((1 + k / count) * c for c in p) for p in tetrahedron(0, 0, 0)[0]], tetrahedron(0, 0, 0)[1]) for k in range(count))
+
+
+def leaves(count, radius):
+    """Triangles with one common vertex, each turned about its own axis, or separate ones at a radius."""
+    parts = []
+    for k in range(count):
+        z = 1 - (2 * k + 1) / count
+        x, y = (math.sqrt(1 - z * z) * f(k * math.pi * (3 - math.sqrt(5))) for f in (math.cos, math.sin))
+        parts.append((turned([(0, 0, radius), (0.5 / math.sqrt(count), 0, 1), (0, 0.5 / math.sqrt(count), 1)], (x, y, z)), [(0, 1, 2)]))
+    return joined(parts)
+
+
+def tiles(count, is_apart):
+    """Triangles in one oblique plane, which are apart, or overlap along a line."""
+    side = math.ceil(math.sqrt(count))
+    places = [(k % side, k // side) if is_apart else (0.3 * k, 0) for k in range(count)]
+    vertices, faces = joined(([(x, y, 0), (x + 0.8, y, 0), (x, y + 0.8, 0)], [(0, 1, 2)]) for x, y in places)
+    return turned(vertices, (1, 2, 3)), faces
+
+
+def ruled(count):
+    """A triangle as one polygon whose base has collinear vertices."""
+    return polygon([(k / count, 0, 0) for k in range(count + 1)] + [(0.5, 1, 0)])
+
+
+def splinters(count):
+    """Slivers on one long edge, in different directions around it."""
+    return [(0, 0, 0), (1, 0, 0)] + [(0.5, *p[:2]) for p in circle(count, 1e-3)], [(0, 1, 2 + k) for k in range(count)]
+
+
 def meshes(size):
     """Names, descriptions and functions that return vertices and faces."""
     def n(faces, least=8):
@@ -135,9 +176,10 @@ def meshes(size):
         ("comb", "a polygon with 1 000 teeth", lambda: comb(n(1000))),
         ("slits", "300 rectangles side by side", lambda: joined(([(k, 0, 0), (k + 0.5, 0, 0), (k + 0.5, 300, 0), (k, 300, 0)], [(0, 1, 2, 3)])
                                                                 for k in range(n(300)))),
-        ("slivers", "a cylinder of 1 440 slivers of aspect 20 000", lambda: needle_cylinder(n(720), False, 87)),
-        ("needles", "a cylinder of 100 000 sides", lambda: needle_cylinder(n(100000), False)),
-        ("diagonal needles", "a cylinder of 5 000 sides along the diagonal", lambda: needle_cylinder(n(5000), True)),
+        ("slivers", "a cylinder of 1 440 slivers of aspect 20 000", lambda: needle_cylinder(n(720), height=87)),
+        ("needles", "a cylinder of 100 000 sides", lambda: needle_cylinder(n(100000))),
+        ("diagonal needles", "a cylinder of 20 000 sides along the diagonal", lambda: needle_cylinder(n(20000), (1, 1, 1))),
+        ("oblique needles", "a cylinder of 20 000 sides along the direction of coplanar.c", lambda: needle_cylinder(n(20000), OBLIQUE)),
         ("pleats", "5 000 folds in a row", lambda: pleats(n(5000))),
         ("book", "2 000 rectangles on one edge", lambda: book(n(2000), False)),
         ("book of triangles", "2 000 triangles on one edge", lambda: book(n(2000), True)),
@@ -148,6 +190,13 @@ def meshes(size):
         ("cone", "a vertex of 50 000 triangles", lambda: fan((0, 0, 1), circle(n(50000)))),
         ("folded cone", "a vertex of 5 000 folds",
          lambda: fan((0, 0, 1), [(x, y, 0.3 * (k % 2)) for k, (x, y, _) in enumerate(circle(n(5000)))])),
+        ("vertex", "2 000 separate triangles at one vertex", lambda: leaves(n(2000), 0)),
+        ("leaves", "5 000 separate triangles around a centre", lambda: leaves(n(5000), 0.9)),
+        ("tiles", "2 000 separate triangles in one plane", lambda: tiles(n(2000), True)),
+        ("overlaps", "1 000 triangles in one plane, each on its neighbours", lambda: tiles(n(1000), False)),
+        ("nested", "100 tetrahedra around one centre", lambda: nested(n(100))),
+        ("collinear", "a triangle with 5 000 vertices on one side", lambda: ruled(n(5000))),
+        ("splinters", "200 slivers on one long edge", lambda: splinters(n(200))),
     )
 
 
@@ -170,12 +219,22 @@ def call(worker, command, spec, where, most):
     return json.loads((where / command / {"run": "report.json", "estimate": "estimate.json"}[command]).read_text()), None, seconds
 
 
-def row(worker, name, what, mesh, count, most, where):
-    vertices, faces = mesh
-    write_obj(where / "mesh.obj", vertices, faces)
+def run(worker, mesh, count, most, where):
+    """The spec, the report or None, the error's code or None, and the CPU seconds."""
+    write_obj(where / "mesh.obj", *mesh)
     spec = {"version": 1, "surface": {"mesh": {"path": str(where / "mesh.obj")}}, "sampling": {"count": count},
             "solver": {"seed": 1, "threads": 1}, "output": {"preview": False}}
-    found, failed, used = call(worker, "run", spec, where, most)
+    return (spec, *call(worker, "run", spec, where, most))
+
+
+def growth_row(worker, name, what, mesh, twice, count, most, where):
+    (_, found, failed, used), (_, _, _, twice_used) = (run(worker, each, count, most, where / k) for k, each in (("one", mesh), ("two", twice)))
+    return [name, what, len(mesh[1]), f"{used:.2f}", len(twice[1]), f"{twice_used:.2f}", f"{twice_used / used:.2f}", found["outcome"] if found else failed]
+
+
+def row(worker, name, what, mesh, count, most, where):
+    faces = mesh[1]
+    spec, found, failed, used = run(worker, mesh, count, most, where)
     estimate = call(worker, "estimate", spec, where, most)[0]
     seconds = estimate["seconds"] if estimate else None
     return [name, what, len(faces), f"{used:.2f}", "" if seconds is None else f"{seconds:.2f}",
@@ -190,15 +249,22 @@ def main():
     parser.add_argument("--size", type=float, default=1)
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--most", type=int, default=120)
+    parser.add_argument("--growth", action="store_true")
     words = parser.parse_args()
     rows = []
-    for name, what, make in meshes(words.size):
+    for (name, what, make), (_, _, make_twice) in zip(meshes(words.size), meshes(2 * words.size)):
         if not any(word in name for word in words.only):
             continue
         with tempfile.TemporaryDirectory() as where:
-            rows.append(row(words.worker, name, what, make(), words.count, words.most, pathlib.Path(where)))
+            folder = pathlib.Path(where)
+            if words.growth:
+                for k in ("one", "two"):
+                    (folder / k).mkdir()
+                rows.append(growth_row(words.worker, name, what, make(), make_twice(), words.count, words.most, folder))
+            else:
+                rows.append(row(words.worker, name, what, make(), words.count, words.most, folder))
         print(*rows[-1], sep=", ", flush=True)
-        results.write(words.output, HEADER, rows)
+        results.write(words.output, GROWTH if words.growth else HEADER, rows)
     return 1 if any(cells[-1] not in ("converged", "not_converged", "unresolved", "limit_memory") for cells in rows) else 0
 
 

@@ -30,7 +30,7 @@ def area(vertices, faces):
 AREAS = {  # of 200, 200 x 2, 10 teeth, 20 sides, 10 pages and 8 shells
     "star": (slow.polygon(slow.star_corners(200, 1, 0.5)), 100 * 0.5 * math.sin(2 * math.pi / 200)),
     "comb": (slow.comb(10), 2 * 0.2 + 10 * 0.2 * 0.475 * 1.8),
-    "needles": (slow.needle_cylinder(20, True), 20 * 2 * math.sin(math.pi / 20) * 0.5 * 2),
+    "needles": (slow.needle_cylinder(20, (1, 1, 1)), 20 * 2 * math.sin(math.pi / 20) * 0.5 * 2),
     "book": (slow.book(10, False), 10),
     "book of triangles": (slow.book(10, True), 5),
     "shells": (slow.shells(8), 8 * math.sqrt(3) * (0.6 * math.sqrt(2)) ** 2)}

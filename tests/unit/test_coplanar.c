@@ -247,6 +247,41 @@ static void other_faces_are_unchanged(void **state)
     }
 }
 
+/* The sides of a prism, each with a smaller rectangle on it: many planes with one slope along the axis of the prism. */
+static void overlaps_on_the_sides_of_a_prism_are_found(void **state)
+{
+    (void)state;
+    enum { SIDES = 200 };
+    const vec3 axes[] = {{0.5377, 0.3183, 0.7809}, {-0.5094, 0.8605, 0}, {1, 1, 1}, {0, 0, 1}};
+    const double wide = tan(M_PI / SIDES);
+    for (size_t n = 0; n < sizeof axes / sizeof *axes; n++) {
+        mesh m = {0};
+        vec3 u, v;
+        const vec3 axis = vec3_unit(axes[n]);
+        vec3_frame(axis, &u, &v);
+        for (int k = 0; k < 2 * SIDES; k++) {
+            const double at = 2 * M_PI * (k / 2) / SIDES;
+            const vec3 out = vec3_axpy(cos(at), u, vec3_scale(v, sin(at))),
+                       along = vec3_axpy(-sin(at), u, vec3_scale(v, cos(at)));
+            mesh side = k % 2 ? rectangle(1, -0.5 * wide, 0.2, wide, 0.5, 0)
+                              : rectangle(1, -0.9 * wide, 0, 1.8 * wide, 1, 0);
+            for (size_t c = 0; c < side.vertex_count; c++)
+                side.vertex[c] =
+                    vec3_add(out, vec3_axpy(side.vertex[c].x, along, vec3_scale(axis, side.vertex[c].y)));
+            if (k == 0)
+                m = side;
+            else
+                mesh_fixture_append(&m, side);
+        }
+        const coplanar_overlap out = cut(&m);
+        assert_false(out.unfinished);
+        assert_near(out.same, SIDES * 0.5 * wide);
+        assert_near(out.opposite, 0);
+        assert_near(mesh_area(&m), SIDES * 1.8 * wide);
+        mesh_free(&m);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -255,6 +290,7 @@ int main(void)
         cmocka_unit_test(cuts_beside_a_blunt_corner_end),
         cmocka_unit_test(reversed_faces_of_a_duplicated_box_leave_no_hole),
         cmocka_unit_test(other_faces_are_unchanged),
+        cmocka_unit_test(overlaps_on_the_sides_of_a_prism_are_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -201,6 +201,46 @@ static void lists_of_clumps_far_apart_hold_every_pair(void **state)
 }
 
 /* Points in a line, so near to each other that no gap between them can be narrowed. */
+/* Sheets on one edge: bins hold many points of many labels, beside bins with few. */
+static void lists_of_labelled_points_hold_every_pair_of_a_label(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 5);
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
+    vec3 x[COUNT];
+    double size[COUNT];
+    uint32_t label[COUNT];
+    const uint32_t counts[] = {2, 40, COUNT, 60}, steps[] = {1, 1, 1, UINT32_MAX / 60};
+    n->label = label;
+    for (int run = 0; run < 8; run++) {
+        for (int i = 0; i < COUNT; i++) {
+            x[i] = random_between(&r, (vec3){0, 0, 0}, i % 3 ? (vec3){0.1, 0.1, 0.3} : (vec3){2, 2, 0.3});
+            size[i] = run % 2 ? 1 + 3 * x[i].x : 1;
+            label[i] = (uint32_t)(rng_uniform(&r) * counts[run / 2]) * steps[run / 2];
+        }
+        const double cutoff = 0.25;
+        size_t pairs = 0;
+        assert_true(neighbours_build(n, COUNT, x, run % 2 ? size : NULL, cutoff, pool, &e));
+        for (uint32_t i = 0; i < COUNT; i++) {
+            uint32_t *list = n->list + n->list_begin[i], k = 0;
+            qsort(list, n->list_count[i], sizeof *list, compare_index);
+            for (uint32_t j = 0; j < COUNT; j++) {
+                const double reach = 0.5 * cutoff * (size[i] + size[j]);
+                if (j == i || label[i] != label[j] || vec3_norm(vec3_sub(x[i], x[j])) >= reach) continue;
+                assert_true(k < n->list_count[i]);
+                assert_int_equal(list[k++], j);
+            }
+            assert_int_equal(n->list_count[i], k);
+            pairs += k;
+        }
+        assert_true(pairs > 50);
+    }
+    neighbours_free(n);
+    threads_free(pool);
+}
+
 static void more_bins_than_can_be_numbered_are_refused(void **state)
 {
     (void)state;
@@ -275,6 +315,7 @@ int main(void)
         cmocka_unit_test(lists_of_many_graded_points_hold_every_pair),
         cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(lists_of_clumps_far_apart_hold_every_pair),
+        cmocka_unit_test(lists_of_labelled_points_hold_every_pair_of_a_label),
         cmocka_unit_test(more_bins_than_can_be_numbered_are_refused),
         cmocka_unit_test(a_stopped_build_is_reported),
     };
