@@ -643,20 +643,32 @@ export type JobSpec = {
       };
     };
     /**
-     * Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is scaled
-     * so that it needs as many points as the target. Requires the method sized.
+     * Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh
+     * file. The requested spacing is scaled so that it needs as many points as the target. Requires the
+     * method sized.
      */
     grid?: {
       /**
-       * The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may
-       * have a map in a file of its own, in world space.
+       * The file: OpenVDB, or a mesh. Default: that of the surface, which then must be a grid of an OpenVDB
+       * file or a mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each
+       * place the value of the nearest point of its triangles.
        */
       path?: string;
-      /** The name of the grid. If several grids have the same name, write "name[1]" for the second. */
+      /**
+       * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
+       * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
+       * array of the points of a VTK file, or color.
+       */
       name: string;
       /**
-       * spacing: values are distances between neighbours. density: values are points per unit of area; where
-       * the density is 0, only max_spacing and gradation determine the points. Default: "spacing".
+       * The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and opacity, from
+       * 0 to 1. Required if the value has several components; only for meshes.
+       */
+      component?: number;
+      /**
+       * spacing: values are distances between neighbours, above 0. density: values are points per unit of
+       * area; where the density is 0, only max_spacing and gradation determine the points. Default:
+       * "spacing".
        */
       kind?: "spacing" | "density";
     };
@@ -1836,20 +1848,31 @@ export type AnsweredSpec = {
       };
     };
     /**
-     * Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is scaled
-     * so that it needs as many points as the target. Requires the method sized.
+     * Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh
+     * file. The requested spacing is scaled so that it needs as many points as the target. Requires the
+     * method sized.
      */
     grid?: {
       /**
-       * The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface may
-       * have a map in a file of its own, in world space.
+       * The file: OpenVDB, or a mesh. Default: that of the surface, which then must be a grid of an OpenVDB
+       * file or a mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each
+       * place the value of the nearest point of its triangles.
        */
       path?: string;
-      /** The name of the grid. If several grids have the same name, write "name[1]" for the second. */
+      /**
+       * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
+       * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
+       * array of the points of a VTK file, or color.
+       */
       name: string;
       /**
-       * spacing: values are distances between neighbours. density: values are points per unit of area; where
-       * the density is 0, only max_spacing and gradation determine the points.
+       * The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and opacity, from
+       * 0 to 1. Required if the value has several components; only for meshes.
+       */
+      component?: number;
+      /**
+       * spacing: values are distances between neighbours, above 0. density: values are points per unit of
+       * area; where the density is 0, only max_spacing and gradation determine the points.
        */
       kind?: "spacing" | "density";
     };

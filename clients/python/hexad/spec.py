@@ -767,18 +767,25 @@ class _SamplingGridNeeded(TypedDict):
 
 class _SamplingGridRest(TypedDict, total=False):
     path: str
+    component: int
     kind: Literal["spacing", "density"]
 
 
 class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
-    """Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is scaled
-    so that it needs as many points as the target. Requires the method sized.
+    """Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh
+    file. The requested spacing is scaled so that it needs as many points as the target. Requires the method
+    sized.
 
-    path: The file. Default: that of the surface, which then must be a grid of an OpenVDB file. Any surface
-        may have a map in a file of its own, in world space.
-    name: The name of the grid. If several grids have the same name, write "name[1]" for the second.
-    kind: spacing: values are distances between neighbours. density: values are points per unit of area; where
-        the density is 0, only max_spacing and gradation determine the points. Default: 'spacing'.
+    path: The file: OpenVDB, or a mesh. Default: that of the surface, which then must be a grid of an OpenVDB
+        file or a mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each
+        place the value of the nearest point of its triangles.
+    name: The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a
+        mesh: the name of a value of its vertices, as of attributes: a property of a PLY file such as quality,
+        an array of the points of a VTK file, or color.
+    component: The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and
+        opacity, from 0 to 1. Required if the value has several components; only for meshes.
+    kind: spacing: values are distances between neighbours, above 0. density: values are points per unit of
+        area; where the density is 0, only max_spacing and gradation determine the points. Default: 'spacing'.
     """
 
 
@@ -871,8 +878,9 @@ class Sampling(_SamplingRest):
         feature and curve_spacing. Requires the method paper, which is then the default, or witkin-heckbert.
     curvature: Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it
         needs as many points as the target. Requires the method sized.
-    grid: Spacing from a scalar grid of an OpenVDB file, such as a painted map. The requested spacing is
-        scaled so that it needs as many points as the target. Requires the method sized.
+    grid: Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh
+        file. The requested spacing is scaled so that it needs as many points as the target. Requires the
+        method sized.
     points: Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is
         the number of all points of the result: with mode keep it includes the given ones. Requires the method
         sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
