@@ -140,6 +140,35 @@ void files_list(const http_context *c, const http_request *request, reply *r)
     reply_set_json(r, 200, document);
 }
 
+/* Looks at an entry of a directory. Returns whether to go on. */
+typedef bool look_at_entry(const http_context *c, const struct dirent *entry, void *data);
+
+static bool search_directory(const http_context *c, const char *path, look_at_entry *look, void *data,
+                             error *e)
+{
+    DIR *listing = open_listing(c, path, e);
+    if (!listing) return false;
+    for (struct dirent *entry; (entry = readdir(listing)) && look(c, entry, data);)
+        ;
+    closedir(listing);
+    return true;
+}
+
+/* Looks at the entries of a directory, with `look`. A relative path is below one or several of the roots: no error if it is
+ * missing there. Otherwise errors as of open_listing. */
+static bool search_inputs(const http_context *c, const char *path, look_at_entry *look, void *data, error *e)
+{
+    bool is_directory;
+    const char *root;
+    if (*path == '/') return search_directory(c, path, look, data, e);
+    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
+        char *directory = mem_printf("%s/%s", root, path);
+        if (is_directory) search_directory(c, directory, look, data, NULL);
+        free(directory);
+    }
+    return true;
+}
+
 /* ---- frames of a sequence */
 
 /* A path with the place of a frame number, cut at the file or directory whose name has it. */
@@ -164,6 +193,11 @@ typedef struct numbers {
     size_t count, capacity;
 } numbers;
 
+typedef struct frame_search {
+    frame_pattern pattern;
+    numbers found; /* up to one more than a job may have */
+} frame_search;
+
 /* Whether jobs may read the file of the frame. The kind of the directory's entry suffices for most files. */
 static bool is_frame_readable(const http_context *c, const frame_pattern *p, const struct dirent *entry,
                               int frame)
@@ -176,35 +210,18 @@ static bool is_frame_readable(const http_context *c, const frame_pattern *p, con
     return found;
 }
 
-/* Adds the frames in one directory, up to one more than a job may have. */
-static bool add_frames(const http_context *c, const frame_pattern *p, const char *directory, numbers *out,
-                       error *e)
+static bool add_frame(const http_context *c, const struct dirent *entry, void *data)
 {
+    frame_search *s = data;
+    numbers *out = &s->found;
     int frame = 0;
-    DIR *listing = open_listing(c, directory, e);
-    if (!listing) return false;
-    for (struct dirent *entry; out->count <= FRAMES_MOST && (entry = readdir(listing));) {
-        if (entry->d_name[0] == '.' || !frames_match(p->name, entry->d_name, &frame) ||
-            !is_frame_readable(c, p, entry, frame))
-            continue;
-        if (out->count == out->capacity)
-            out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
-        out->item[out->count++] = frame;
-    }
-    closedir(listing);
-    return true;
-}
-
-/* Adds the frames of a relative path, which is below one or several of the roots. */
-static void add_frames_of_roots(const http_context *c, const frame_pattern *p, numbers *out)
-{
-    bool is_directory;
-    const char *root;
-    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
-        char *directory = mem_printf("%s/%s", root, p->directory);
-        if (is_directory) add_frames(c, p, directory, out, NULL);
-        free(directory);
-    }
+    if (entry->d_name[0] == '.' || !frames_match(s->pattern.name, entry->d_name, &frame) ||
+        !is_frame_readable(c, &s->pattern, entry, frame))
+        return true;
+    if (out->count == out->capacity)
+        out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
+    out->item[out->count++] = frame;
+    return out->count <= FRAMES_MOST;
 }
 
 static void sort_numbers(numbers *n)
@@ -218,29 +235,25 @@ static void sort_numbers(numbers *n)
 
 bool files_find_frames(const http_context *c, const char *pattern, int **frames, size_t *count, error *e)
 {
-    frame_pattern p = cut_pattern(pattern);
-    numbers found = {0};
-    bool ok = true;
-    if (*pattern == '/')
-        ok = add_frames(c, &p, p.directory, &found, e);
-    else
-        add_frames_of_roots(c, &p, &found);
-    sort_numbers(&found);
-    if (ok && !found.count)
+    frame_search s = {.pattern = cut_pattern(pattern)};
+    numbers *found = &s.found;
+    bool ok = search_inputs(c, s.pattern.directory, add_frame, &s, e);
+    sort_numbers(found);
+    if (ok && !found->count)
         ok = error_set(e, ERROR_INPUT_MISSING,
                        "no file below the input roots matches %s: check the directory and the name", pattern);
-    if (ok && found.count > FRAMES_MOST)
+    if (ok && found->count > FRAMES_MOST)
         ok = error_set(e, ERROR_SPEC_INVALID,
                        "more than %d files match %s: write the frame numbers, and submit several jobs",
                        FRAMES_MOST, pattern);
-    free(p.directory);
-    free(p.name);
+    free(s.pattern.directory);
+    free(s.pattern.name);
     if (!ok) {
-        free(found.item);
+        free(found->item);
         return false;
     }
-    *frames = found.item;
-    *count = found.count;
+    *frames = found->item;
+    *count = found->count;
     return true;
 }
 
@@ -309,39 +322,28 @@ static bool is_file_readable(const http_context *c, const name_pattern *p, const
 
 typedef struct found_names {
     char **item;
-    size_t count, capacity, most;
+    size_t count, capacity;
 } found_names;
 
-/* Adds the names in one directory, up to one more than a job may have. */
-static bool add_names(const http_context *c, const name_pattern *p, const char *directory, found_names *out,
-                      error *e)
-{
-    DIR *listing = open_listing(c, directory, e);
-    if (!listing) return false;
-    for (struct dirent *entry; out->count <= out->most && (entry = readdir(listing));) {
-        char *name = match_entry(p, entry->d_name);
-        if (!name || !is_file_readable(c, p, entry, name)) {
-            free(name);
-            continue;
-        }
-        if (out->count == out->capacity)
-            out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
-        out->item[out->count++] = name;
-    }
-    closedir(listing);
-    return true;
-}
+typedef struct name_search {
+    name_pattern pattern;
+    found_names found; /* up to one more than `most` */
+    size_t most;
+} name_search;
 
-/* Adds the names of a relative path, which is below one or several of the roots. */
-static void add_names_of_roots(const http_context *c, const name_pattern *p, found_names *out)
+static bool add_name(const http_context *c, const struct dirent *entry, void *data)
 {
-    bool is_directory;
-    const char *root;
-    for (size_t i = 0; (root = store_roots_name(c->roots, i, &is_directory)); i++) {
-        char *directory = mem_printf("%s/%s", root, p->directory);
-        if (is_directory) add_names(c, p, directory, out, NULL);
-        free(directory);
+    name_search *s = data;
+    found_names *out = &s->found;
+    char *name = match_entry(&s->pattern, entry->d_name);
+    if (!name || !is_file_readable(c, &s->pattern, entry, name)) {
+        free(name);
+        return true;
     }
+    if (out->count == out->capacity)
+        out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
+    out->item[out->count++] = name;
+    return out->count <= s->most;
 }
 
 static int compare_names(const void *a, const void *b)
@@ -366,35 +368,34 @@ static void sort_names(found_names *n)
 bool files_find_names(const http_context *c, const char *path, const char *pattern, size_t most, char ***out,
                       size_t *count, error *e)
 {
-    name_pattern p = cut_names(path, pattern);
-    found_names found = {.most = most};
+    name_search s = {.pattern = cut_names(path, pattern), .most = most};
+    const name_pattern *p = &s.pattern;
+    found_names *found = &s.found;
     bool ok = true;
-    if (strstr(p.after, FILE_NAMES_PLACE))
+    if (strstr(p->after, FILE_NAMES_PLACE))
         ok = error_set(e, ERROR_SPEC_INVALID,
                        "a pattern and a path with two %s in one part exclude each other (given %s): list the "
                        "files",
                        FILE_NAMES_PLACE, path);
-    else if (*p.directory == '/')
-        ok = add_names(c, &p, p.directory, &found, e);
     else
-        add_names_of_roots(c, &p, &found);
-    sort_names(&found);
-    if (ok && !found.count)
+        ok = search_inputs(c, p->directory, add_name, &s, e);
+    sort_names(found);
+    if (ok && !found->count)
         ok = error_set(e, ERROR_INPUT_MISSING,
                        "no file below the input roots matches %s%s%s%s: check the directory and the name",
-                       p.directory, p.before, p.pattern, p.after);
-    if (ok && found.count > most)
+                       p->directory, p->before, p->pattern, p->after);
+    if (ok && found->count > most)
         ok = error_set(e, ERROR_SPEC_INVALID,
                        "more than %zu files match %s, and a job of this service has at most as many (setting "
                        "max_files): submit several jobs",
                        most, pattern);
-    name_pattern_clear(&p);
+    name_pattern_clear(&s.pattern);
     if (!ok) {
-        for (size_t i = 0; i < found.count; i++) free(found.item[i]);
-        free(found.item);
+        for (size_t i = 0; i < found->count; i++) free(found->item[i]);
+        free(found->item);
         return false;
     }
-    *out = found.item;
-    *count = found.count;
+    *out = found->item;
+    *count = found->count;
     return true;
 }
