@@ -21,15 +21,10 @@ except ImportError:
     numpy = None
 
 
-class Points(Mapping[str, Any]):
-    """The properties of all points by their names (`x`, `nx`, `spacing`, ...), each an array.
+class Columns(Mapping[str, Any]):
+    """Arrays by the names of their properties."""
 
-    count: how many points there are
-    triangles: of a mesh, three indices for each face; None: there are no faces
-    """
-
-    def __init__(self, columns: dict[str, Any], count: int, triangles: Any = None) -> None:
-        self.columns, self.count, self.triangles = columns, count, triangles
+    columns: dict[str, Any]
 
     def __getitem__(self, name: str) -> Any:
         return self.columns[name]
@@ -39,6 +34,17 @@ class Points(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.columns)
+
+
+class Points(Columns):
+    """The properties of all points by their names (`x`, `nx`, `spacing`, ...), each an array.
+
+    count: how many points there are
+    triangles: of a mesh, three indices for each face; None: there are no faces
+    """
+
+    def __init__(self, columns: dict[str, Any], count: int, triangles: Any = None) -> None:
+        self.columns, self.count, self.triangles = columns, count, triangles
 
     def __repr__(self) -> str:
         return f"<{self.count} points with {', '.join(self.columns)}>"
@@ -57,7 +63,7 @@ class Points(Mapping[str, Any]):
         return self.together("nx", "ny", "nz")
 
 
-class Stack(Mapping[str, Any]):
+class Stack(Columns):
     """The points of many results with equal numbers of points: each property by its name, an array of shape (M, N). Requires NumPy.
 
     names: of the M results, the names of their files, or their frame numbers as texts
@@ -84,15 +90,6 @@ class Stack(Mapping[str, Any]):
             for key, column in points.items():
                 self.columns[key][row] = column
             self.names.append(name)
-
-    def __getitem__(self, name: str) -> Any:
-        return self.columns[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        return len(self.columns)
 
     def __repr__(self) -> str:
         return f"<{len(self.names)} results, {len(self.missing)} missing, with {', '.join(self.columns)}>"
