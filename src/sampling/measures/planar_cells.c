@@ -135,13 +135,11 @@ ISA_INLINE lanes load(const batch *b, size_t l, uint32_t j)
     return (lanes)out;
 }
 
-/* phi of energy_cotangent for squared distances over the support, below 1. See fast_kernel_pairs.h. */
+/* phi of energy_cotangent for squared distances over the support, below 1. */
 ISA_INLINE lanes potential(lanes u2)
 {
-    const lanes q = u2 * (float)(M_PI_2 * M_PI_2), q2 = q * q, q4 = q2 * q2,
-                low = (9.99999958e-01f - 3.33331684e-01f * q) - (2.22326308e-02f + 2.09201489e-03f * q) * q2,
-                w_cot_w = low - ((2.38374932e-04f + 6.85017157e-06f * q) + 5.74249429e-06f * q2) * q4;
-    return (w_cot_w + q) / lanes_root(q) - (float)M_PI_2;
+    const lanes q = u2 * (float)(M_PI_2 * M_PI_2), q2 = q * q, q4 = q2 * q2;
+    return (PAIR_W_COT_W(q, q2, q4) + q) / lanes_root(q) - (float)M_PI_2;
 }
 
 /* Adds the pairs with a neighbour; `listed`: of the lanes that have it. */

@@ -38,14 +38,10 @@ typedef struct VERSION(sums) {
 ISA_INLINE void VERSION(load)(const void *from, const uint32_t *const list[], size_t k,
                               VERSION(entries) * out);
 
-/* w cot w as a polynomial in q = w^2, for w in [0, pi/2]: least squares at Chebyshev nodes. Error 5e-8, with
- * rounding 2e-7. Estrin's scheme has the shortest chain of dependent operations. */
 ISA_INLINE void VERSION(w_cot_w)(const VERSION(floats) * squared, VERSION(floats) * out)
 {
     const VERSION(floats) q = *squared, q2 = q * q, q4 = q2 * q2;
-    const VERSION(floats) low =
-        (9.99999958e-01f - 3.33331684e-01f * q) - (2.22326308e-02f + 2.09201489e-03f * q) * q2;
-    *out = low - ((2.38374932e-04f + 6.85017157e-06f * q) + 5.74249429e-06f * q2) * q4;
+    *out = PAIR_W_COT_W(q, q2, q4);
 }
 
 /* Loads the particles from `first` on, and computes their frames as vec3_frame does, in single precision. */
