@@ -515,7 +515,7 @@ static void set_stretch(const facets *f, size_t k, int count, facet *t)
         for (int c = 0; whole && of->open && c < 3; c++)
             whole = bbox_contains(of->boundary_box, t[i].corner[c]);
     }
-    for (int i = 0; i < count; i++) t[i].stretch = whole ? area_of_item(f, f->item[k]) / sum : 1;
+    for (int i = 0; i < count; i++) t[i].stretch = whole ? sqrt(area_of_item(f, f->item[k]) / sum) : 1;
 }
 
 int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])

@@ -61,8 +61,9 @@ typedef struct facet {
     vec3 corner[3];
     vec3 normal; /* unit */
     double area;
-    double
-        stretch; /* area of the surface in the item over that of all of its triangles, which cut off sharp edges */
+    /* lengths on the surface in the item over those in its triangles, which cut off sharp edges: the root of the ratio
+     * of their areas */
+    double stretch;
     uint32_t piece, patch;
     size_t item; /* index of its item in the order */
 } facet;

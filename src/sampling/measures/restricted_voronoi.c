@@ -461,14 +461,14 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     if (is_done(d->known, site)) return true;
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
-    const double area = polygon_area(&p);
+    const double area = polygon_area(&p), stretch = t->of->stretch;
     if (area <= LEAST_AREA * t->of->area)
         return true; /* the edge lies in a bisector: the adjacent triangle has the side */
-    if (!add_area(d, site, t->of->stretch * area)) return false;
+    if (!add_area(d, site, stretch * stretch * area)) return false;
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE) continue;
         const vec3 from = p.corner[k], to = p.corner[k + 1 < p.count ? k + 1 : 0];
-        if (!add_side(d, site, p.behind[k], vec3_norm(vec3_sub(to, from))) ||
+        if (!add_side(d, site, p.behind[k], stretch * vec3_norm(vec3_sub(to, from))) ||
             !check_certain(d, p.behind[k], fmax(vec3_norm2(from), vec3_norm2(to)), site))
             return false;
     }
