@@ -243,6 +243,7 @@ def test_a_worker_may_read_its_own_upload_only(new_service, tmp_path):
         assert [pathlib.Path(w).name for w in words if "sha256:" in w] == [name]
 
 
+@pytest.mark.extended
 @needs_slurm
 def test_nodes_of_a_farm_get_their_own_names(slurm, new_farm, root):
     service = new_farm("--input_roots", root)
