@@ -31,8 +31,9 @@ def running_cluster():
 
 
 @pytest.fixture
-def slurm(running_cluster, monkeypatch):
+def slurm(request, running_cluster, monkeypatch):
     """Two nodes of two cores. One for all tests of a file: each begins with nodes that are idle and sees its own jobs."""
+    assert request.node.get_closest_marker("extended"), "the packages of the first tier do not include Slurm: mark the test extended"
     yield speak_to(monkeypatch, running_cluster)
     running_cluster.forget()
 
