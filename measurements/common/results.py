@@ -18,3 +18,11 @@ def read(path):
         return []
     with open(path, newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def end(path, header, rows, missed):
+    """Writes the rows unless path is None, and prints how many miss a bound. Returns the exit status."""
+    if path:
+        write(path, header, rows)
+    print(f"{missed} of {len(rows)} rows miss a bound")
+    return 1 if missed else 0

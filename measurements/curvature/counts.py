@@ -79,10 +79,7 @@ def main():
             missed += is_missed
             rows.append([name, figures[0], *(f"{value:.3g}" for value in figures[1:])])
             print(*rows[-1], "MISSED" if is_missed else "", sep=", ", flush=True)
-    if options.output:
-        results.write(options.output, HEADER, rows)
-    print(f"{missed} of {len(rows)} rows miss a bound")
-    return missed > 0
+    return results.end(options.output, HEADER, rows, missed)
 
 
 if __name__ == "__main__":

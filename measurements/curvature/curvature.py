@@ -265,8 +265,7 @@ def main():
             print(row[0], *(f"{key} {value}" for key, value in zip(HEADER[6:], rows[-1][6:])), "MISSED" if is_missed else "", sep=", ", flush=True)
             if options.output:
                 results.write(options.output, HEADER, rows)
-    print(f"{missed} of {len(rows)} rows miss a bound")
-    return missed > 0
+    return results.end(options.output, HEADER, rows, missed)
 
 
 if __name__ == "__main__":

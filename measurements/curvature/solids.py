@@ -98,10 +98,7 @@ def main():
                 missed += is_missed
                 rows.append(row)
                 print(row[0], *(f"{key} {value}" for key, value in zip(HEADER[1:], row[1:])), "MISSED" if is_missed else "", sep=", ", flush=True)
-    if options.output:
-        results.write(options.output, HEADER, rows)
-    print(f"{missed} of {len(rows)} rows miss a bound")
-    return missed > 0
+    return results.end(options.output, HEADER, rows, missed)
 
 
 if __name__ == "__main__":
