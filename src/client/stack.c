@@ -66,14 +66,13 @@ stack *stack_begin(const char *path, error *e)
     char *place = mem_printf("%s.XXXXXX", path);
     int fd = mkstemp(place);
     *s = (stack){.path = mem_strdup(path), .records = fd < 0 ? NULL : fdopen(fd, "w+b")};
+    if (!s->records) error_set(e, error_code_of_errno(errno), "cannot write %s: %s", path, strerror(errno));
     if (fd >= 0) unlink(place);
-    if (!s->records) {
-        error_set(e, error_code_of_errno(errno), "cannot write %s: %s", path, strerror(errno));
-        stack_free(s);
-        s = NULL;
-    }
     free(place);
-    return s;
+    if (s->records) return s;
+    if (fd >= 0) close(fd);
+    stack_free(s);
+    return NULL;
 }
 
 void stack_free(stack *s)
@@ -307,7 +306,10 @@ bool stack_write(stack *s, error *e)
     bool good = archive && write_points(archive, s) && write_frames(archive, s) &&
                 write_texts(archive, "names", &s->names) && write_texts(archive, "missing", &s->missing);
     int why = errno;
-    if (archive && zipClose(archive, NULL) != ZIP_OK) good = false;
+    if (archive && zipClose(archive, NULL) != ZIP_OK && good) {
+        why = errno;
+        good = false;
+    }
     if (good) return store_file_commit(&file, e);
     store_file_abort(&file);
     return error_set(e, error_code_of_errno(why), "cannot write %s: %s", s->path, strerror(why));
