@@ -29,6 +29,7 @@ __all__ = [
     "Queue",
     "QueueByFrameValue",
     "Region",
+    "SampleMembers",
     "Sampling",
     "SamplingAlpha",
     "SamplingAlphaScale",
@@ -1430,3 +1431,38 @@ class Spec(_SpecNeeded, _SpecRest):
     limits: The resources that the job may use. 0: the default of the service or of the worker.
     queue: The job's place in the queue.
     """
+
+
+class SampleMembers(TypedDict, total=False):
+    """Keywords of hexad.sample: members of sampling and of the surface. An array may be in place of a path."""
+
+    spacing: float
+    density: float
+    pattern: Literal["hexagonal", "blue_noise"]
+    control: SamplingControl
+    time_s: float
+    resolve: bool
+    attach: str
+    feature: SamplingFeature
+    alpha: SamplingAlpha
+    curvature: SamplingCurvature
+    grid: Union[str, Mapping[str, Any]]
+    points: Any
+    curve_spacing: float
+    min_spacing: float
+    max_spacing: float
+    gradation: float
+    voxel_size: Union[float, Sequence[float]]
+    resolution: int
+    max_resolution: int
+    band_vox: int
+    weld: float
+    holes: Literal["keep", "fill"]
+    interior: Literal["auto", "keep", "drop"]
+    features: SurfaceMeshFeatures
+    on_mesh: bool
+    index: int
+    level: int
+    slices: str
+    isovalue: float
+    reconstruction: Literal["interpolating", "smoothing"]
