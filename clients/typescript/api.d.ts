@@ -14,7 +14,7 @@ export type Outcome = "converged" | "unresolved" | "not_converged" | null;
  * farm's reason.
  */
 export type Progress = {
-  phase: "queue" | "load" | "start" | "relax" | "measure" | "write";
+  phase: "queue" | "load" | "start" | "relax" | "measure" | "curvature" | "write";
   /** The completed fraction of the whole attempt. */
   fraction: number;
 };

@@ -234,6 +234,8 @@ def test_a_wrong_grid_has_an_error_that_names_the_argument(path, words):
 @pytest.mark.parametrize("spec, code, words", [
     ({**formula(), "output": {"points_npz": True}}, "not_supported", "/output/points_npz"),
     ({**formula(), "output": {"directory": "/srv"}}, "not_supported", "/output/directory"),
+    ({**formula(), "output": {"ply": {"format": "ascii"}}}, "not_supported", "/output/ply/format"),
+    ({**formula(), "output": {"ply": {"properties": ["x", "warmth"]}}}, "attribute_missing", "warmth"),
     ({**formula(), "queue": {"priority": 3}}, "not_supported", "/queue"),
     ({**mesh(solid(BALL)), "attributes": [{"from": "surface", "name": "Cd"}]}, "not_supported", "has no attributes"),
     (mesh(solid(BALL), 10**8), "limit_memory", "limits.memory_mb"),
@@ -489,6 +491,19 @@ def test_sample_of_arrays_of_other_types(kind):
     assert hexad.sample(values, isovalue=0.5, count=100).positions.tobytes() == expected.positions.tobytes()
 
 
+@pytest.mark.parametrize("properties, names", [
+    ("minimal", {"position", "normal"}), (["spacing"], {"position", "spacing"}), (["kappa2", "radius"], {"position", "kappa2", "radius"}),
+    (["quality", "attributes"], {"position", "kappa", "feature", "patch", "kappa_defined"}),
+    (["spacing_local", "red"], {"position", "spacing_local", "rgb"}), ("meshlab", {"position", "normal", "rgb", "radius", "kappa", "feature",
+                                                                                   "patch", "kappa_defined"})])
+def test_properties_choose_arrays_and_change_no_value(properties, names):
+    surface = solid(drum(24))
+    chosen, every = (hexad.sample(*surface, count=300, **how) for how in ({"properties": properties}, {}))
+    assert {name for name in chosen if len(name) > 2} == names
+    for name in names & set(every):
+        assert chosen[name].tobytes() == every[name].tobytes(), name
+
+
 def test_points_outlive_the_call():
     import gc
     positions = hexad.sample(*solid(BALL), count=300).positions
@@ -510,19 +525,11 @@ def test_calls_that_are_wrong(call, words):
         call()
 
 
-def test_keywords_have_the_types_of_the_spec():
-    """Of each member of sampling and of the four surfaces but those that differ from the spec on purpose."""
+def test_keywords_are_the_members_of_sampling_and_of_surfaces():
     from hexad import spec
-    from hexad.sample import SURFACES, Members, members_of
-    own = typing.get_type_hints(Members)
-    expected = {}
-    for kind in ("Sampling", SURFACES["mesh"], SURFACES["volume"], SURFACES["vdb"]):
-        hints = typing.get_type_hints(getattr(spec, kind))
-        assert set(hints) == members_of(kind)
-        for name in hints:
-            expected.setdefault(name, set()).add(hints[name])
-    assert set(own) == set(expected) - {"path", "count"}
-    assert {name for name in own if expected[name] != {own[name]}} == {"grid", "points", "voxel_size"}
+    from hexad.sample import SURFACES, members_of
+    kinds = ("Sampling", SURFACES["mesh"], SURFACES["volume"], SURFACES["vdb"])
+    assert set(typing.get_type_hints(spec.SampleMembers)) == set().union(*map(members_of, kinds)) - {"path", "count"}
 
 
 def test_an_unresolved_result_is_a_warning():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Iterable, Literal, Mapping, Sequence, TypedDict, Union
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence, Union
 
 from . import spec as spec_module
 from .errors import HexadError, OutcomeWarning
@@ -19,47 +19,13 @@ if TYPE_CHECKING:
 __all__ = ["Samples", "Sampled", "sample", "sample_many"]
 
 VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".tif", ".tiff", ".zarr", ".ome.zarr")
+Properties = Union[str, Sequence[str]]
 SURFACES = {"mesh": "SurfaceMesh", "volume": "SurfaceVolume", "labels": "SurfaceLabels", "vdb": "SurfaceVdb"}
 MEANING = {"unresolved": "the points do not represent the surface: walls are thinner than the spacing",
            "not_converged": "the points may still move"}
 
 
-class Members(TypedDict, total=False):
-    """Keywords of `sample`: members of `sampling` and of the surface, with the types of `hexad.spec`. An array may be in place of a path."""
-
-    spacing: float
-    density: float
-    pattern: Literal["hexagonal", "blue_noise"]
-    control: spec_module.SamplingControl
-    time_s: float
-    resolve: bool
-    attach: str
-    feature: spec_module.SamplingFeature
-    alpha: spec_module.SamplingAlpha
-    curvature: spec_module.SamplingCurvature
-    grid: Union[str, Mapping[str, Any]]
-    points: Any
-    curve_spacing: float
-    min_spacing: float
-    max_spacing: float
-    gradation: float
-    voxel_size: Union[float, Sequence[float]]
-    resolution: int
-    max_resolution: int
-    band_vox: int
-    weld: float
-    holes: Literal["keep", "fill"]
-    interior: Literal["auto", "keep", "drop"]
-    features: spec_module.SurfaceMeshFeatures
-    on_mesh: bool
-    isovalue: float
-    index: int
-    level: int
-    slices: str
-    reconstruction: Literal["interpolating", "smoothing"]
-
-
-class Keywords(Members, total=False):
+class Keywords(spec_module.SampleMembers, total=False):
     """Keywords of `sample_many`."""
 
     affine: Any
@@ -68,6 +34,7 @@ class Keywords(Members, total=False):
     region: spec_module.Region
     attributes: Sequence[spec_module.AttributesItem]
     mesh: bool
+    properties: Properties
     directory: PathLike
     roots: Sequence[PathLike]
     progress: Progress
@@ -85,7 +52,8 @@ class Sampled(Points):
     def __init__(self, arrays: dict[str, Any], report: dict[str, Any]) -> None:
         triangles = arrays.pop("triangle", None)
         columns = dict(zip("xyz", arrays["position"].T))
-        columns.update(zip(("nx", "ny", "nz"), arrays["normal"].T))
+        if "normal" in arrays:
+            columns.update(zip(("nx", "ny", "nz"), arrays["normal"].T))
         super().__init__({**columns, **arrays}, len(arrays["position"]), triangles)
         self.report, self.outcome = report, str(report["outcome"])
 
@@ -226,8 +194,9 @@ def run(spec: Mapping[str, Any], directory: PathLike | None, roots: Sequence[Pat
 def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine: Any = None, seed: int | None = None,
            threads: int | None = None, region: spec_module.Region | None = None,
            attributes: Sequence[spec_module.AttributesItem] | None = None, mesh: bool | None = None,
+           properties: Properties | None = None,
            directory: PathLike | None = None, roots: Sequence[PathLike] = (), progress: Progress | None = None,
-           **keywords: Unpack[Members]) -> Sampled:
+           **keywords: Unpack[spec_module.SampleMembers]) -> Sampled:
     """Evenly packed points on a surface: `sample(vertices, faces, count=10_000)`.
 
     surface: one of
@@ -236,6 +205,8 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
         the name of a file, which hexad-worker reads
         a spec, in which each `path` may be an array: (vertices, faces), (values, affine) or values, and rows of points
     seed, threads, region, attributes, mesh: members of the spec; mesh=True: triangles between the points
+    properties: output.ply.properties of the spec: the names of the properties that the points have (default: all). "minimal": positions
+        and normals. Without `kappa` the curvature of a mesh is not computed, which saves time
     directory, roots: where files are, and below which directories they must be; for a spec
     progress: a function of the phase and the fraction; if its result is true, the call is cancelled
     count: the number of points
@@ -259,6 +230,8 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     put(spec, None, "region", region)
     put(spec, None, "attributes", attributes)
     put(spec, "output", "mesh", mesh)
+    if properties is not None:
+        put(spec, "output", "ply", {**spec.get("output", {}).get("ply", {}), "properties": properties})
     made = run(spec, directory, roots, progress)
     if made.outcome in MEANING:
         warnings.warn(f"the outcome is {made.outcome}: {MEANING[made.outcome]} (see report['advice'])", OutcomeWarning, 2)
@@ -289,7 +262,7 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
     def one(k: int) -> None:
         surface = listed[k]
         pair = surface if isinstance(surface, (tuple, list)) else (surface,)
-        members: dict[str, Any] = {"threads": 1, **keywords, "progress": hear}
+        members: dict[str, Any] = {"threads": 1, "properties": "minimal", **keywords, "progress": hear}
         if not isinstance(pair[0], Mapping):
             members["count"] = count
         try:

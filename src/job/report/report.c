@@ -13,7 +13,6 @@
 #include "job/report/label_advice.h"
 #include "job/report/patch_report.h"
 #include "job/report/ratings.h"
-#include "sampling/sizing/clearance.h"
 #include "job/source/source_report.h"
 
 /* A ratio of spacings of at least this fraction of the requested ratio is not reported. */
@@ -68,25 +67,22 @@ typedef struct thin_walls {
     bool of_surface;
 } thin_walls;
 
-/* Measures the walls thinner than the spacing. On curved walls the distance of two points from their tangent
- * planes differs from the thickness. Therefore rays between the walls measure it, as before the job. They
- * can take longer than the job, and are traced only if the points indicate thin walls, or are too few. The
- * walls of an unresolved result are thinner than the smallest distance that rays measure. */
+bool report_needs_walls(const measures *m, size_t count, outcome_kind outcome)
+{
+    const double share = (double)m->thin_count / (double)count;
+    return outcome != OUTCOME_UNRESOLVED && (share > MEASURES_THIN_SHARE || count <= FEW_POINTS);
+}
+
+/* Finds the walls thinner than the spacing. Those of an unresolved result are thinner than the smallest distance that
+ * rays measure: the points alone show them. */
 static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
-    const size_t count = solver_result_points(facts->solver)->count;
-    const double share = (double)facts->measures->thin_count / (double)count;
-    const bool unresolved = facts->result->outcome == OUTCOME_UNRESOLVED;
-    clearance c;
-    if (share <= MEASURES_THIN_SHARE && (unresolved || count > FEW_POINTS)) return false;
-    if (unresolved)
-        *out = (thin_walls){share, facts->measures->thin_factor, false};
-    else if (clearance_measure(facts->scan, facts->sizing, packing_spacing(facts->scan->area, (double)count),
-                               facts->pool, MEASURES_THIN_SHARE, &c, NULL))
-        *out = (thin_walls){c.unresolved_share,
-                            advice_factor(&c, source_thinnest_wall(facts->source, facts->spec)), true};
-    else
-        return false;
+    const measures *m = facts->measures;
+    const double count = (double)solver_result_points(facts->solver)->count;
+    const clearance *walls = facts->walls;
+    *out = walls ? (thin_walls){walls->unresolved_share,
+                                advice_factor(walls, source_thinnest_wall(facts->source, facts->spec)), true}
+                 : (thin_walls){(double)m->thin_count / count, m->thin_factor, false};
     return out->share > MEASURES_THIN_SHARE;
 }
 
