@@ -34,10 +34,9 @@ static const double REHEARSAL_S[2] = {3, 1};
 static const size_t SHARED_FROM = 20000;
 /* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
-/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal
- * and part of the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most
- * LISTED_MOST points at a time (sampling/voronoi/partitions). */
-static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
+/* Bytes per triangle or cell of the surface while the result is measured: its index, piece, normal and part of the
+ * tree nodes (sampling/measures/facets). */
+static const double BYTES_PER_FACET = 40;
 
 /* Seconds of a run: the placement of its points, its sweeps, what follows, and the weights of the points. Those of the sweeps
  * depend mostly on the count, those of the weights are proportional to it, and the others depend on the surface and its
@@ -103,11 +102,10 @@ static double rehearse(job *j)
            (count < SHARED_FROM ? 1 : threads_count(j->pool));
 }
 
-static double measuring_memory(const job *j, double count)
+static double measuring_memory(const job *j)
 {
     const mesh *m = source_mesh(&j->source);
-    const size_t faces = m ? m->triangle_count : j->scan->cells;
-    return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
+    return BYTES_PER_FACET * (double)(m ? m->triangle_count : j->scan->cells);
 }
 
 /* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the
@@ -115,8 +113,8 @@ static double measuring_memory(const job *j, double count)
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->points_in[FILE_FORMAT_VDB] ? BYTES_WITH_OPENVDB : 0);
-    return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
-                                                measuring_memory(j, count) + plan_picture_memory(j->spec));
+    return fmax((double)job_peak_memory(j), begin + plan_bytes(j->spec, job_particles(j), count) +
+                                                measuring_memory(j) + plan_picture_memory(j->spec));
 }
 
 /* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before

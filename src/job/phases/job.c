@@ -63,17 +63,18 @@ static bool carries_points(const job *j)
     return j->options->previous != NULL || (j->spec->has_points && j->spec->points.mode == SPEC_POINTS_KEEP);
 }
 
-double job_bytes_per_particle(const job *j)
+plan_particles job_particles(const job *j)
 {
-    return plan_bytes_per_particle(j->spec, carries_points(j)) + attributes_bytes_per_point(&j->attributes);
+    const field *f = j->source.field; /* NULL: not opened yet */
+    return (plan_particles){carries_points(j), f && f->patches, attributes_bytes_per_point(&j->attributes)};
 }
 
 static bool fits_memory(const job *j, double count, error *e)
 {
-    double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(
-        j->spec, carries_points(j), count,
-        &(plan_memory){left, (double)j->memory, (double)run_options_most_memory(j->options)}, e);
+    return plan_check_memory(j->spec, job_particles(j), count,
+                             &(plan_memory){job_particle_memory(j), (double)j->memory,
+                                            (double)run_options_most_memory(j->options)},
+                             e);
 }
 
 /* The instruction set that the spec requests. */
@@ -168,7 +169,7 @@ static int64_t accounted_memory(const job *j)
 {
     const double count = (double)solver_result_points(j->solution.solver)->count;
     return (int64_t)((double)source_memory(&j->source) + given_points_bytes(&j->given) +
-                     count * job_bytes_per_particle(j));
+                     plan_bytes(j->spec, job_particles(j), count));
 }
 
 int64_t job_peak_memory(const job *j)
@@ -425,7 +426,7 @@ bool job_place(job *j, solution *out, error *e)
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         /* 1 instead of 0, which means no limit */
-        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1),
+        .count_limit = (size_t)fmax(plan_fitting(s, job_particles(j), job_particle_memory(j)), 1),
         .start = s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM : SOLVER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
@@ -808,7 +809,7 @@ bool job_write_points(job *j, error *e)
     j->attributes.weight = j->weights.value;
     json_free(j->report);
     j->report = json_new_object();
-    double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
+    double left = job_particle_memory(j) - plan_bytes(j->spec, job_particles(j), (double)p->count);
     set_curvature(j, p, &set);
     j->attributes.curvature = s->on_meshes;
     bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&

@@ -18,6 +18,7 @@
 #include "job/phases/sequence.h"
 #include "job/phases/snapshot.h"
 #include "job/phases/weights.h"
+#include "job/source/plan.h"
 #include "job/source/source.h"
 #include "sampling/solver/solver.h"
 
@@ -116,7 +117,7 @@ bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e);
 double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
-double job_bytes_per_particle(const job *j);
+plan_particles job_particles(const job *j);
 
 /* Start and times of the phases. */
 report_timing job_timing(const job *j);

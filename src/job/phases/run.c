@@ -113,7 +113,7 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
         .memory_limit = (double)j->memory,
         .most_memory = (double)run_options_most_memory(j->options),
         .particle_memory = job_particle_memory(j),
-        .bytes_per_particle = job_bytes_per_particle(j),
+        .particles = job_particles(j),
         .outputs = &j->results,
         .result = &v,
         .pool = j->pool,

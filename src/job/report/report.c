@@ -98,12 +98,12 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     free(text);
     if (facts->result->outcome != OUTCOME_CONVERGED &&
         (to.reached || to.count > WORTH_ADVICE * (double)count))
-        advice_append_resolution(
-            advice, facts->spec, area, to,
-            &(advice_memory){
-                (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) /
-                    (1 << 20),
-                facts->memory_limit / (1 << 20), facts->most_memory / (1 << 20)});
+        advice_append_resolution(advice, facts->spec, area, to,
+                                 &(advice_memory){(facts->memory_limit - facts->particle_memory +
+                                                   plan_bytes(facts->spec, facts->particles, to.count)) /
+                                                      (1 << 20),
+                                                  facts->memory_limit / (1 << 20),
+                                                  facts->most_memory / (1 << 20)});
 }
 
 /* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A

@@ -5,6 +5,7 @@
 
 #include "base/json/json.h"
 #include "sampling/measures/measures.h"
+#include "job/source/plan.h"
 #include "job/source/source.h"
 #include "job/report/outcome.h"
 #include "sampling/sizing/clearance.h"
@@ -54,8 +55,8 @@ typedef struct report_facts {
     int64_t peak_memory;    /* bytes */
     double memory_limit;    /* limit of the job, bytes */
     double most_memory;     /* the largest limit that the job may have, bytes; 0: unknown */
-    double particle_memory; /* limit for particles, and bytes per particle */
-    double bytes_per_particle;
+    double particle_memory; /* limit for particles, bytes */
+    plan_particles particles;
     const report_outputs *outputs;
     const outcome_result *result;
     threads *pool;

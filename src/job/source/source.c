@@ -321,7 +321,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const source_ar
                                      .count = (double)o->spec->count / (double)o->leaves,
                                      .least = volume_mesh_least_voxel(offset),
                                      .memory_limit = memory_left(o),
-                                     .point_bytes = plan_bytes_per_particle(o->spec, false)},
+                                     .point_bytes = plan_bytes(o->spec, (plan_particles){0}, 1)},
                       .band_vox = m->band_vox,
                       .weld = m->weld,
                       .offset = offset,
