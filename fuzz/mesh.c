@@ -62,7 +62,7 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, &values, NULL, &e);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, &values, NULL, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < values.count; k++) {
         const mesh_reader_values *head = &values.head[k];
@@ -85,7 +85,7 @@ static void read_polygons(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, NULL, &polygons, &e);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, NULL, &polygons, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < polygons.count; k++)
         for (size_t c = polygons.first[k]; c < polygons.first[k + 1]; c++)
@@ -147,7 +147,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     read_files(data, size);
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    if (mesh_file_parse(&from, memory, &told, &m, &notes, NULL, NULL, &e))
+    if (mesh_file_parse(&from, memory, &told, &m, &notes, NULL, NULL, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);

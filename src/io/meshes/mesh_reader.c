@@ -21,7 +21,7 @@
 #include "io/meshes/foreign_format.h"
 #include "io/meshes/library_scene.h"
 #include "io/meshes/library_text.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/plain_textures.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
 
@@ -104,7 +104,7 @@ static int answer_fault(error_code code, const char *text)
 }
 
 /* Data that a command adds to the triangles of the answer. */
-typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
+typedef enum addition { NOTHING, VALUES, POLYGONS, TEXTURES } addition;
 
 /* The state of a walk over the nodes of the scene. The answer is written in several walks: one counts, the
  * others write vertices, triangles, sizes of polygons and corners of polygons. */
@@ -429,6 +429,7 @@ static int answer_plain(const plain_mesh *m, size_t end)
              reader_write(m->polygon_size, m->polygons * sizeof *m->polygon_size) &&
              reader_write(m->polygon_corner, m->polygon_corners * sizeof *m->polygon_corner);
     if (m->keeps_values) ok = ok && write_values(m);
+    if (m->textures) ok = ok && plain_textures_answer(m);
     return ok ? 0 : 1;
 }
 
@@ -481,6 +482,16 @@ static bool add_zeros(bytes *b)
     b->data = data;
     b->size = to;
     return true;
+}
+
+/* Reads a file of materials. */
+static int answer_materials(const bytes *b)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    const mesh_reader_header head = {0};
+    if (!plain_textures_read_mtl(b->data, b->size, &m)) return answer_fault(m.refused, m.text);
+    return reader_answer(&head, sizeof head, m.text, strlen(m.text)) && plain_textures_answer(&m) ? 0 : 1;
 }
 
 static const char file_too_large[] = "the file is larger than the memory limit: raise limits.memory_mb";
@@ -547,8 +558,13 @@ static bool is_read_for_values(const char *ending)
 
 static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
 {
+    static plain_textures textures;
     if (also == VALUES && plain_mesh_reads_values(ending))
         return plain_mesh_read_values(ending, b->data, b->size, out);
+    if (also == TEXTURES) {
+        mesh_textures_free(&textures.all);
+        return plain_mesh_read_textures(ending, b->data, b->size, &textures, out);
+    }
     return also == POLYGONS ? plain_mesh_read_polygons(ending, b->data, b->size, out)
                             : plain_mesh_read(ending, b->data, b->size, out);
 }
@@ -610,13 +626,19 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     ply_values own = {0};
     const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
                           : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
+                          : strcmp(argv[0], MESH_TEXTURES_COMMAND) == 0 ? TEXTURES
                                                                         : NOTHING;
     const file_format format = file_format_of_name(argv[1]);
     if (also == VALUES && file_formats[format].positions_only)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "the values of the vertices of such files are not read: save it as PLY for attributes");
+    if (also == TEXTURES && !plain_mesh_reads_textures(argv[1]))
+        return answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "base_color is not read from such files: save it as glTF, OBJ, PLY or 3MF with its textures");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
     if (also == VALUES ? plain_mesh_reads_values(argv[1]) : plain_mesh_is_only_reader(argv[1]))
         _exit(answer_only_reader(argv[1], also, &b));
     try_plain(argv[1], &b, also, &plain);
@@ -624,6 +646,11 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     const size_t whole = b.size, end = cut_end(argv[1], &b);
     if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
+    if (also == TEXTURES)
+        _exit(answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "base_color is not read from glTF and 3MF files with contents that the library assimp reads, "
+            "such as glTF with Draco: save it without"));
     expand_strips(argv[1], &b);
     if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
         (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))

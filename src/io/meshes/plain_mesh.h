@@ -18,6 +18,8 @@
 #include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
 
+typedef struct plain_textures plain_textures;
+
 /* An array of values of the vertices. */
 typedef struct plain_values {
     mesh_reader_values head;
@@ -46,6 +48,7 @@ typedef struct plain_mesh {
     bool keeps_values; /* values of the vertices are kept, by readers for which plain_mesh_reads_values */
     plain_values values[MESH_VALUES_MOST];
     uint32_t value_arrays;
+    plain_textures *textures; /* of the polygons (plain_textures.h), owned by the caller; NULL: not wanted */
 } plain_mesh;
 
 /* Reads a file with the reader for `ending`, the extension of its name (any case). data[size] is 0. *out
@@ -62,6 +65,14 @@ bool plain_mesh_read_values(const char *ending, const char *data, size_t size, p
 
 /* Whether this module reads the values of the vertices of files with this extension: VTK. */
 bool plain_mesh_reads_values(const char *ending);
+
+/* As plain_mesh_read_polygons, and reads the textures of OBJ, PLY, glTF and 3MF to *textures, which need not be
+ * initialised. Free textures->all with mesh_textures_free in any case. */
+bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
+                              plain_mesh *out);
+
+/* Whether this module reads the textures of files with this extension. */
+bool plain_mesh_reads_textures(const char *ending);
 
 /* Whether this module reads the format. */
 bool plain_mesh_reads(file_format format);
