@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """base_color: colours of the images of meshes, held against scipy's interpolation of the same images on a cube and a sphere."""
+import base64
 import hashlib
 import json
+import zipfile
 
 import numpy
 import pytest
 from scipy import ndimage
 
+import mesh_files
 import textured
 from readers import read_columns
 from solids import write_points
@@ -118,3 +121,253 @@ def test_colours_between_texels_are_linear(carry, tmp_path, shape, scale):
     _, at, sure = on_triangles(places, vertices, faces, scale * uv)
     assert numpy.abs(color[:, :3] - look_up(IMAGE / 255, at) * [0.5, 1, 0.25])[sure].max() < 1e-4
     assert numpy.abs(color[:, 3] - 0.5).max() < 1e-9 and not [w for w in report["surface"]["warnings"] if "base_color" in w]
+
+
+# ---- glTF
+
+WRAP = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+
+
+def linear(color):
+    return numpy.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+
+
+def encoded(light):
+    return numpy.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+def write_glb(path, *arguments, **more):
+    path.write_bytes(textured.glb(*textured.gltf(*arguments, **more)))
+    return path
+
+
+@pytest.mark.sanitized
+def test_texel_centres_of_glb(carry, tmp_path):
+    corners, squares, uv = textured.cube()
+    faces, places = textured.triangulate(squares, uv)
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    mesh = write_glb(tmp_path / "a.glb", corners, faces, [places], [textured.png(IMAGE, 2)], [material], [{"source": 0}])
+    given, texels = texel_centres(corners, squares[4], uv[4], IMAGE.shape)
+    at, color, report = carry(mesh, given=given)
+    assert color is not None, at
+    order = numpy.argmin(numpy.linalg.norm(at[:, None] - given[None], axis=2), 1)
+    assert numpy.abs(color[:, :3] * 255 - IMAGE[tuple(texels[order].T)]).max() < 1e-3 and (color[:, 3] == 1).all()
+    assert [i["path"] for i in report["inputs"]][0] == str(mesh) and "inode" in report["inputs"][0]
+
+
+@pytest.mark.parametrize("shape", ["cube", "sphere"])
+@pytest.mark.parametrize("wrap", WRAP)
+def test_wraps_and_factors_of_glb(carry, tmp_path, shape, wrap):
+    """Texels are interpolated in linear light. The coordinates go beyond the image on all sides."""
+    vertices, faces, uv = getattr(textured, shape)()
+    faces, uv = textured.triangulate(faces, uv)
+    uv = 2.5 * uv - 0.75
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 1, 0.25, 0.5]},
+                "alphaMode": "BLEND"}
+    samplers = [{"wrapS": WRAP[wrap], "wrapT": WRAP[wrap]}]
+    mesh = write_glb(tmp_path / "a.glb", vertices, faces, [uv], [textured.png(IMAGE, 2)], [material],
+                     [{"source": 0, "sampler": 0}], samplers)
+    places, color, _ = carry(mesh)
+    assert color is not None, places
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    expected = encoded(look_up(linear(IMAGE / 255), at, wrap) * [0.5, 1, 0.25])
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4 and numpy.abs(color[:, 3] - 0.5).max() < 1e-9
+
+
+def test_transform_and_second_set_of_coordinates(carry, tmp_path):
+    """KHR_texture_transform as its table says: the image turns clockwise, v is downwards."""
+    vertices, faces, uv = textured.sphere()
+    second = uv @ numpy.array([[0.5, 0.25], [-0.25, 0.75]]) + [0.25, 0.5]
+    turn, offset, scale = 0.4, numpy.array([0.125, -0.375]), numpy.array([2, 0.75])
+    extension = {"rotation": turn, "offset": offset.tolist(), "scale": scale.tolist(), "texCoord": 1}
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {
+        "index": 0, "texCoord": 0, "extensions": {"KHR_texture_transform": extension}}}}
+    mesh = write_glb(tmp_path / "a.glb", vertices, faces, [uv, second], [textured.png(IMAGE, 2)], [material], [{"source": 0}])
+    places, color, _ = carry(mesh)
+    assert color is not None, places
+    _, at, sure = on_triangles(places, vertices, faces, second)
+    down = (at * [1, -1] + [0, 1]) * scale
+    turned = numpy.stack([numpy.cos(turn) * down[:, 0] + numpy.sin(turn) * down[:, 1],
+                          -numpy.sin(turn) * down[:, 0] + numpy.cos(turn) * down[:, 1]], -1) + offset
+    expected = encoded(look_up(linear(IMAGE / 255), turned * [1, -1] + [0, 1]))
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4
+
+
+def test_quarter_of_the_image_that_the_extension_shows(carry, tmp_path):
+    """The first example of KHR_texture_transform: the lower left quadrant of the image only."""
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    image = numpy.zeros((8, 8, 3), int)
+    image[4:, :4] = 255
+    extension = {"offset": [0, 1], "rotation": numpy.pi / 2, "scale": [0.5, 0.5]}
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": extension}}}}
+    mesh = write_glb(tmp_path / "a.glb", vertices, faces, [uv], [textured.png(image, 2)], [material], [{"source": 0}])
+    places, color, _ = carry(mesh)
+    assert color is not None, places
+    inner = numpy.sort(numpy.abs(places), 1)[:, 1] < 0.7  # away from the sides of the quadrant
+    assert inner.sum() > 100 and (color[inner, :3] > 0.999).all()
+
+
+def test_several_materials_and_colours_of_vertices(carry, tmp_path):
+    """An image, a factor alone, and no material; times COLOR_0, which is in linear light."""
+    vertices, faces, uv = textured.sphere()
+    tint = numpy.random.default_rng(3).random((len(vertices), 4))[faces]
+    of = numpy.arange(len(faces)) % 3 - 1
+    materials = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "BLEND"},
+                 {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 0.8]}, "alphaMode": "MASK"}]
+    mesh = write_glb(tmp_path / "a.glb", vertices, faces, [uv], [textured.png(IMAGE, 2)], materials, [{"source": 0}], of=of,
+                     colors=tint)
+    places, color, _ = carry(mesh)
+    assert color is not None, places
+    number, at, sure = on_triangles(places, vertices, faces, uv)
+    _, red_green, _ = on_triangles(places, vertices, faces, tint[..., :2])
+    _, blue_alpha, _ = on_triangles(places, vertices, faces, tint[..., 2:])
+    light = numpy.column_stack([red_green, blue_alpha])
+    kind = of[number]
+    light[kind == 0, :3] *= look_up(linear(IMAGE / 255), at)[kind == 0]
+    light[kind == 1] *= [0.2, 0.4, 0.6, 0.8]
+    light[kind == -1, 3] = 1
+    # on an edge of two triangles the material is that of either
+    a, b, c = (vertices[faces[number]][:, k] for k in range(3))
+    w = [numpy.linalg.norm(numpy.cross(q - p, places - p), axis=1) / numpy.linalg.norm(q - p, axis=1)
+         for p, q in ((a, b), (b, c), (c, a))]
+    sure &= numpy.min(w, 0) > 1e-5
+    assert sure.sum() > 100 and {-1, 0, 1} == set(kind[sure].tolist())
+    assert numpy.abs(color[:, :3] - encoded(light[:, :3]))[sure].max() < 1e-4
+    assert numpy.abs(color[:, 3] - light[:, 3])[sure].max() < 1e-5
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2"])
+def test_coordinates_of_whole_numbers(carry, tmp_path, kind):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    mesh = write_glb(tmp_path / "a.glb", vertices, faces, [uv], [textured.png(IMAGE, 2)],
+                     [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}], [{"source": 0}], kinds=[kind])
+    places, color, _ = carry(mesh)
+    assert color is not None, places
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    assert numpy.abs(color[:, :3] - encoded(look_up(linear(IMAGE / 255), at)))[sure].max() < 1e-4
+
+
+def test_images_of_gltf_text(carry, tmp_path):
+    """A data URI, and a file whose name is percent-encoded, relative to the document."""
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    data = textured.png(IMAGE, 2)
+    material = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    (tmp_path / "my images").mkdir()
+    (tmp_path / "my images" / "a.png").write_bytes(data)
+    for uri in ("data:image/png;base64," + base64.b64encode(data).decode(), "my%20images/../my%20images/a.png"):
+        document, chunk = textured.gltf(vertices, faces, [uv], [{"uri": uri}], material, [{"source": 0}])
+        document["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(chunk).decode()
+        (tmp_path / "a.gltf").write_text(json.dumps(document))
+        places, color, report = carry(tmp_path / "a.gltf")
+        assert color is not None, places
+        _, at, sure = on_triangles(places, vertices, faces, uv)
+        assert numpy.abs(color[:, :3] - encoded(look_up(linear(IMAGE / 255), at)))[sure].max() < 1e-4
+    assert [i["path"] for i in report["inputs"]][1:] == [str(tmp_path / "my images" / "a.png")]
+
+
+# ---- PLY
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("wedges", [True, False], ids=["of_faces", "of_vertices"])
+def test_ply_with_texture_files(carry, tmp_path, form, wedges):
+    """Two images, by the number of each face; the values of the images are not converted."""
+    vertices, faces, uv = textured.sphere()
+    images = [IMAGE, IMAGE[::-1, :6]]
+    for k, image in enumerate(images):
+        (tmp_path / f"my {k}.png").write_bytes(textured.png(image, 2))
+    numbers = numpy.where(vertices[faces].mean(1)[:, 2] > 0, 0, 1)
+    (tmp_path / "a.ply").write_bytes(textured.ply(vertices, faces, uv, ["my 0.png", "my 1.png"], form, wedges, numbers))
+    places, color, report = carry(tmp_path / "a.ply")
+    assert color is not None, places
+    number, at, sure = on_triangles(places, vertices, faces, uv)
+    sure &= numpy.abs(places[:, 2]) > 0.01
+    expected = numpy.where(numbers[number][:, None] == 0, look_up(images[0] / 255, at), look_up(images[1] / 255, at))
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4
+    assert len(report["inputs"]) == 3
+
+
+def test_ply_of_polygons(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    (tmp_path / "a.ply").write_bytes(textured.ply(vertices, faces, uv, ["a.png"]))
+    places, color, _ = carry(tmp_path / "a.ply")
+    assert color is not None, places
+    faces, uv = textured.triangulate(faces, uv)
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    assert numpy.abs(color[:, :3] - look_up(IMAGE / 255, at))[sure].max() < 1e-4
+
+
+# ---- 3MF
+
+def write_3mf(path, shape, wraps=("wrap", "wrap"), image=None, more="", extra=()):
+    """A package with an image for all triangles. extra: attributes of further triangles by their number."""
+    vertices, faces, uv = shape
+    places = "".join('<m:tex2coord u="%.17g" v="%.17g"/>' % tuple(p) for p in uv.reshape(-1, 2))
+    extra = dict(extra)
+
+    def named(k):
+        return extra.get(k, f'pid="2" p1="{3 * k}" p2="{3 * k + 1}" p3="{3 * k + 2}"')
+    resources = (f'<m:texture2d id="1" path="/3D/Texture/a.png" contenttype="image/png" tilestyleu="{wraps[0]}" '
+                 f'tilestylev="{wraps[1]}"/><m:texture2dgroup id="2" texid="1">{places}</m:texture2dgroup>{more}'
+                 f'<object id="7">{textured.part_of_3mf(vertices, faces, named)}</object>')
+    mesh_files.write_3mf(path, resources, '<item objectid="7"/>',
+                         'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"')
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("3D/Texture/a.png", image or textured.png(IMAGE, 2))
+    return path
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("wrap", ["wrap", "mirror", "clamp"])
+def test_wraps_of_3mf(carry, tmp_path, wrap):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    uv = 2.5 * uv - 0.75
+    places, color, _ = carry(write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), (wrap, wrap)))
+    assert color is not None, places
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    expected = look_up(IMAGE / 255, at, {"wrap": "repeat"}.get(wrap, wrap))
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4 and (color[:, 3] == 1).all()
+
+
+def test_outside_of_an_image_that_is_not_repeated(carry, tmp_path):
+    """3MF none and MTL -clamp on: beyond the image the material is as without it."""
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    uv = 2.5 * uv - 0.75
+    obj = write_obj(tmp_path, (vertices, faces, uv), textured.png(IMAGE, 2), "Kd 1 0.5 1\nmap_Kd -clamp on a.png\n")
+    for mesh, factor in ((write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), ("none", "none")), [1, 1, 1]), (obj, [1, 0.5, 1])):
+        places, color, _ = carry(mesh)
+        assert color is not None, places
+        _, at, sure = on_triangles(places, vertices, faces, uv)
+        outside = (at < 0).any(1) | (at > 1).any(1)
+        expected = numpy.where(outside[:, None], 1, look_up(IMAGE / 255, at, "clamp")) * factor
+        assert 50 < outside.sum() < 350 and numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4
+
+
+def test_colours_and_materials_of_3mf(carry, tmp_path):
+    """A base material, a group of colours with a gradient, and what is not read."""
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    more = ('<basematerials id="3"><base name="a" displaycolor="#336699"/><base name="b" displaycolor="#0000FF80"/></basematerials>'
+            '<m:colorgroup id="4"><m:color color="#FF0000"/><m:color color="#00FF00"/><m:color color="#0000FF"/></m:colorgroup>'
+            '<m:multiproperties id="5" pids="3 4"><m:multi pindices="0 0"/></m:multiproperties>')
+    extra = {0: 'pid="3" p1="1"', 1: 'pid="4" p1="0" p2="1" p3="2"', 2: 'pid="5" p1="0"', 3: 'pid="3" p1="0"', 4: ""}
+    places, color, report = carry(write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), more=more, extra=extra))
+    assert color is not None, places
+    number, at, sure = on_triangles(places, vertices, faces, uv)
+    gradient = on_triangles(places, vertices, faces, numpy.tile(numpy.eye(3)[None, :, :2], (len(faces), 1, 1)))[1]
+    expected = numpy.column_stack([look_up(IMAGE / 255, at), numpy.ones(len(at))])
+    expected[number == 0] = [0, 0, 1, 128 / 255]
+    expected[number == 1, :2], expected[number == 1, 2] = gradient[number == 1], 1 - gradient[number == 1].sum(1)
+    expected[(number == 2) | (number == 4)] = 1
+    expected[number == 3] = [0x33 / 255, 0x66 / 255, 0x99 / 255, 1]
+    a, b, c = (vertices[faces[number]][:, k] for k in range(3))
+    w = [numpy.linalg.norm(numpy.cross(q - p, places - p), axis=1) / numpy.linalg.norm(q - p, axis=1)
+         for p, q in ((a, b), (b, c), (c, a))]
+    sure &= numpy.min(w, 0) > 1e-5
+    assert numpy.abs(color - expected)[sure].max() < 1e-4

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes with images: PNG files of every kind, a cube and a sphere with texture coordinates, and the formats that hold them."""
+import json
 import struct
 import zlib
 
@@ -78,3 +79,91 @@ def obj(vertices, faces, uv, library="a.mtl", material="paint"):
         lines.append("f " + " ".join(f"{v + 1}/{number + k + 1}" for k, v in enumerate(face)))
         number += len(face)
     return "\n".join(lines) + "\n"
+
+
+def gltf(vertices, faces, sets, images, materials, textures, samplers=(), of=None, colors=None, kinds=None):
+    """A glTF document and its binary chunk: one primitive of triangles for each material. sets: arrays of uv of each corner of
+    each face, v upwards (glTF has it downwards); images: bytes, or a dict; of: the material of each face, None for none;
+    colors: of each corner of each face; kinds: the numbers of each set, "f4", "u1" or "u2" (normalised)."""
+    chunk, views, accessors = bytearray(), [], []
+    of = numpy.zeros(len(faces), int) if of is None else numpy.asarray(of)
+    faces, sets = numpy.asarray(faces), [numpy.asarray(s, float) for s in sets]
+
+    def view(data):
+        chunk.extend(bytes(-len(chunk) % 4))
+        views.append({"buffer": 0, "byteOffset": len(chunk), "byteLength": len(data)})
+        chunk.extend(data)
+        return len(views) - 1
+
+    def accessor(array, kind="f4"):
+        scale = {"f4": 1, "u1": 255, "u2": 65535}[kind]
+        name = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[array.shape[1]]
+        stored = array.astype("f4") if kind == "f4" else numpy.rint(array * scale).astype(kind)
+        step = stored.dtype.itemsize * array.shape[1]
+        padded = numpy.zeros((len(array), (step + 3) // 4 * 4), "u1")
+        padded[:, :step] = stored.reshape(len(array), -1).view("u1").reshape(len(array), step)
+        where = view(padded.tobytes())
+        views[where]["byteStride"] = padded.shape[1]
+        accessors.append({"bufferView": where, "componentType": {"f4": 5126, "u1": 5121, "u2": 5123}[kind], "count": len(array),
+                          "type": name, **({} if kind == "f4" else {"normalized": True})})
+        return len(accessors) - 1
+    primitives = []
+    for number in sorted(set(of.tolist())):
+        mine = of == number
+        attributes = {"POSITION": accessor(vertices[faces[mine]].reshape(-1, 3))}
+        for k, uv in enumerate(sets):
+            attributes[f"TEXCOORD_{k}"] = accessor((uv[mine] * [1, -1] + [0, 1]).reshape(-1, 2), (kinds or ["f4"] * 9)[k])
+        if colors is not None:
+            attributes["COLOR_0"] = accessor(colors[mine].reshape(-1, colors.shape[2]))
+        primitives.append({"attributes": attributes, **({"material": number} if number >= 0 else {})})
+    listed = [i if isinstance(i, dict) else {"bufferView": view(i), "mimeType": "image/png"} for i in images]
+    document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+                "meshes": [{"primitives": primitives}], "accessors": accessors, "bufferViews": views, "images": listed,
+                "materials": materials, "textures": textures, "samplers": list(samplers),
+                "buffers": [{"byteLength": len(chunk)}]}
+    return document, bytes(chunk)
+
+
+def glb(document, chunk):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunk += bytes(-len(chunk) % 4)
+    return (struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(chunk)) + struct.pack("<II", len(text), 0x4E4F534A) + text +
+            struct.pack("<II", len(chunk), 0x004E4942) + chunk)
+
+
+def ply(vertices, faces, uv, files, form="ascii", wedges=True, numbers=None):
+    """PLY with comments TextureFile. wedges: uv in a list of each face; otherwise uv of each vertex. numbers: texnumber."""
+    vertices, faces, uv = numpy.asarray(vertices), numpy.asarray(faces), numpy.asarray(uv)
+    head = ["ply", f"format {form} 1.0", *[f"comment TextureFile {name}" for name in files],
+            f"element vertex {len(vertices)}", *[f"property double {axis}" for axis in "xyz"]]
+    rows = [[("d", v) for v in place] for place in vertices.tolist()]
+    if not wedges:
+        head += ["property float s", "property float t"]
+        of = numpy.zeros((len(vertices), 2))
+        of[faces.reshape(-1)] = uv.reshape(-1, 2)
+        rows = [row + [("f", v) for v in place] for row, place in zip(rows, of.tolist())]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    if wedges:
+        head.append("property list uchar double texcoord")
+    if numbers is not None:
+        head.append("property int texnumber")
+    for k, face in enumerate(faces.tolist()):
+        row = [("B", len(face))] + [("i", v) for v in face]
+        if wedges:
+            row += [("B", 2 * len(face))] + [("d", v) for v in uv[k].reshape(-1).tolist()]
+        if numbers is not None:
+            row.append(("i", int(numbers[k])))
+        rows.append(row)
+    text = "\n".join(head + ["end_header", ""]).encode()
+    if form == "ascii":
+        return text + "".join(" ".join(repr(v) for _, v in row) + "\n" for row in rows).encode()
+    order = {"binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    return text + b"".join(struct.pack(order + "".join(t for t, _ in row), *[v for _, v in row]) for row in rows)
+
+
+def part_of_3mf(vertices, faces, property_of):
+    """The mesh of an object; property_of: the attributes of triangle k."""
+    places = "".join('<vertex x="%.17g" y="%.17g" z="%.17g"/>' % tuple(v) for v in vertices)
+    triangles = "".join('<triangle v1="%d" v2="%d" v3="%d" %s/>' % (*f, property_of(k)) for k, f in enumerate(faces))
+    return f"<mesh><vertices>{places}</vertices><triangles>{triangles}</triangles></mesh>"

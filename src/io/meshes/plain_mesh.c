@@ -184,7 +184,8 @@ bool plain_mesh_read_values(const char *ending, const char *data, size_t size, p
 bool plain_mesh_reads_textures(const char *ending)
 {
     const file_format format = file_format_of_name(ending);
-    return format == FILE_FORMAT_OBJ;
+    return format == FILE_FORMAT_OBJ || format == FILE_FORMAT_PLY || format == FILE_FORMAT_GLTF ||
+           format == FILE_FORMAT_3MF;
 }
 
 bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
