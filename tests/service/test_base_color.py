@@ -12,9 +12,10 @@ from scipy import ndimage
 import mesh_files
 import textured
 from readers import read_columns
+from service import aged
 from solids import write_points
 
-BYTE = 0.5 / 255  # the rounding of a byte
+
 MODES = {"repeat": "grid-wrap", "mirror": "reflect", "clamp": "nearest"}  # of scipy
 RNG = numpy.random.default_rng(86)
 IMAGE = RNG.integers(0, 256, (8, 8, 3))
@@ -371,3 +372,164 @@ def test_colours_and_materials_of_3mf(carry, tmp_path):
          for p, q in ((a, b), (b, c), (c, a))]
     sure &= numpy.min(w, 0) > 1e-5
     assert numpy.abs(color - expected)[sure].max() < 1e-4
+
+
+# ---- images
+
+PALETTE = RNG.integers(0, 256, (4, 3))
+NUMBERS = RNG.integers(0, 4, (8, 8))
+GREY, GREY_ALPHA, RGBA = RNG.integers(0, 256, (8, 8, 1)), RNG.integers(0, 256, (8, 8, 2)), RNG.integers(0, 256, (8, 8, 4))
+DEEP = RNG.integers(0, 65536, (8, 8, 4))
+HOLED = numpy.column_stack([PALETTE, [10, 128, 255, 255]])
+OPAQUE = numpy.full((8, 8, 1), 255)
+# the file, and its values as red, green, blue, opacity from 0 to 1
+PNG = {
+    "grey": (textured.png(GREY, 0), numpy.concatenate([GREY.repeat(3, 2), OPAQUE], 2) / 255),
+    "grey of 2 bits": (textured.png(NUMBERS[..., None], 0, 2), numpy.concatenate([NUMBERS[..., None].repeat(3, 2) * 85, OPAQUE], 2) / 255),
+    "grey, opacity": (textured.png(GREY_ALPHA, 4), GREY_ALPHA[..., [0, 0, 0, 1]] / 255),
+    "colours, opacity": (textured.png(RGBA, 6), RGBA / 255),
+    "16 bits": (textured.png(DEEP, 6, 16), DEEP / 65535),
+    "grey of 16 bits": (textured.png(DEEP[..., :1], 0, 16), numpy.concatenate([DEEP[..., :1].repeat(3, 2), OPAQUE * 257], 2) / 65535),
+    "palette": (textured.png(NUMBERS[..., None], 3, 2, palette=PALETTE), numpy.concatenate([PALETTE[NUMBERS], OPAQUE], 2) / 255),
+    "palette with holes": (textured.png(NUMBERS[..., None], 3, 4, palette=PALETTE, holes=bytes([10, 128])), HOLED[NUMBERS] / 255),
+    "colour that is a hole": (textured.png(PALETTE[NUMBERS], 2, holes=PALETTE[2].astype(">u2").tobytes()),
+                              numpy.concatenate([PALETTE[NUMBERS], 255 * (NUMBERS[..., None] != 2)], 2) / 255),
+}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("kind", PNG)
+def test_kinds_of_png(carry, tmp_path, kind):
+    vertices, faces, uv = textured.cube()
+    data, values = PNG[kind]
+    mesh = write_obj(tmp_path, (vertices, faces, uv), data)
+    places, color, report = carry(mesh, count=200)
+    assert color is not None, places
+    faces, uv = textured.triangulate(faces, uv)
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    assert numpy.abs(color - look_up(values, at))[sure].max() < 1e-4
+    assert not [w for w in report["surface"]["warnings"] if "base_color" in w]
+
+
+def warnings_of(report):
+    return [w for w in report["surface"]["warnings"] if '"base_color"' in w]
+
+
+@pytest.mark.sanitized
+def test_missing_images_and_formats_that_are_not_read(carry, tmp_path):
+    """A warning with the name, and the colour of the factor. Without the identities of inputs the service uses no result again."""
+    (tmp_path / "b.webp").write_bytes(b"RIFF\0\0\0\0WEBPVP8 ")
+    for name, words, identified in (("none.png", "is missing", False), ("b.webp", "is WebP, which is not read", True)):
+        mesh = write_obj(tmp_path, textured.cube(), None, f"Kd 0.25 0.5 1\nmap_Kd {name}\n")
+        places, color, report = carry(mesh, count=100)
+        assert color is not None, places
+        assert numpy.abs(color - [0.25, 0.5, 1, 1]).max() < 1e-9
+        found, = warnings_of(report)
+        assert f'the image "{name}" {words}' in found
+        assert all(("inode" in i) == identified for i in report["inputs"])
+
+
+@pytest.mark.sanitized
+def test_what_is_ignored_has_a_warning(carry, tmp_path):
+    mesh = write_obj(tmp_path, textured.cube(), textured.png(IMAGE, 2, extra=[(b"iCCP", b"a\0\0x"), (b"eXIf", b"MM\0*")]),
+                     "Kd 0 0 0\nmap_Kd -mm 0 2 a.png\n")
+    _, color, report = carry(mesh, count=100)
+    text = " ".join(warnings_of(report))
+    assert not color[:, :3].any()
+    for words in ("option -mm", "so that its image is black", "(ICC), which is not applied", "EXIF data"):
+        assert words in text
+
+
+@pytest.mark.sanitized
+def test_refused_images_and_meshes(carry, tmp_path):
+    for data, words in ((textured.png(IMAGE, 2)[:-40], 'the image "a.png": it is damaged'), (b"text", "neither a PNG nor a JPEG")):
+        error, none, _ = carry(write_obj(tmp_path, textured.cube(), data))
+        assert none is None and error["code"] == "input_damaged" and words in error["message"], error
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    error, none, _ = carry(tmp_path / "a.obj", limits={"image_pixels": 63})
+    assert none is None and error["code"] == "input_unsupported" and "limits.image_pixels" in error["message"]
+    (tmp_path / "a.mtl").unlink()
+    error, none, _ = carry(tmp_path / "a.obj")
+    assert none is None and error["code"] == "input_missing" and "a.mtl" in error["message"]
+    (tmp_path / "b.obj").write_text("\n".join(line for line in (tmp_path / "a.obj").read_text().splitlines()
+                                              if not line.startswith(("mtllib", "usemtl"))))
+    error, none, _ = carry(tmp_path / "b.obj")
+    assert none is None and error["code"] == "attribute_missing"
+    (tmp_path / "c.off").write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n")
+    error, none, _ = carry(tmp_path / "c.off")
+    assert none is None and error["code"] == "input_unsupported" and "save it as glTF" in error["message"]
+
+
+def test_paths_of_windows_and_of_parents(carry, tmp_path):
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "images").mkdir()
+    data = textured.png(IMAGE, 2)
+    for name, place in (("..\\images\\a.png", tmp_path / "images/a.png"), ("C:\\my\\b.png", tmp_path / "mesh/b.png"),
+                        (str(tmp_path / "images/a.png"), tmp_path / "images/a.png")):
+        place.write_bytes(data)
+        mesh = write_obj(tmp_path / "mesh", textured.cube(), None, f"map_Kd {name}\n")
+        _, color, report = carry(mesh, count=100)
+        assert str(place) in [i["path"] for i in report["inputs"]] and not warnings_of(report)
+
+
+def test_colours_in_every_format_of_points(carry, tmp_path):
+    """base_color is the colour of the points, as color is."""
+    mesh = write_obj(tmp_path, textured.cube(), textured.png(IMAGE, 2))
+    carry(mesh, count=100, output={"points_npz": True, "points_glb": True, "points_usda": True, "points_vtp": True})
+    columns = read_columns((tmp_path / "out" / "points.ply").read_bytes())
+    assert numpy.abs(columns["red"] - 255 * columns["base_color_r"]).max() < 0.501
+    archive = numpy.load(tmp_path / "out" / "points.npz")
+    assert numpy.abs(archive["base_color"][:, 0] - columns["base_color_r"]).max() < 1e-6
+    assert b"_BASE_COLOR" in (tmp_path / "out" / "points.glb").read_bytes()
+    assert "primvars:base_color" in (tmp_path / "out" / "points.usda").read_text()
+
+
+# ---- the service
+
+def job_of(path):
+    return {"version": 1, "surface": {"mesh": {"path": path}}, "sampling": {"count": 100}, "output": {"preview": False},
+            "attributes": [{"name": "base_color"}]}
+
+
+def test_a_result_without_its_image_is_not_used_again(new_service, tmp_path):
+    """The image may be there when the next equal job runs."""
+    inputs = tmp_path / "inputs"
+    inputs.mkdir()
+    mesh = write_obj(inputs, textured.cube(), None)
+    for name in ("a.obj", "a.mtl"):
+        aged(inputs / name)
+    service = new_service("--input_roots", inputs).start()
+
+    def run():
+        return service.wait_state(service.submit(job_of(str(mesh))), "succeeded")
+    run()
+    assert run()["cached_from"] is None
+    (inputs / "a.png").write_bytes(textured.png(IMAGE, 2))
+    aged(inputs / "a.png")
+    complete = run()
+    report = service.get(f"/v1/jobs/{complete['id']}/results/report.json").json
+    assert complete["cached_from"] is None and not warnings_of(report) and len(report["inputs"]) == 3
+    assert run()["cached_from"] == complete["id"]
+    (inputs / "a.png").write_bytes(textured.png(IMAGE[::-1], 2))
+    assert run()["cached_from"] is None
+
+
+def test_uploads_have_embedded_images_only(service):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    material = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 0, 0, 1]}}]
+    made = {"embedded": [textured.png(IMAGE, 2)], "separate": [{"uri": "a.png"}]}
+    for kind, images in made.items():
+        data = textured.glb(*textured.gltf(vertices, faces, [uv], images, material, [{"source": 0}]))
+        name = hashlib.sha256(data).hexdigest()
+        assert service.request("PUT", f"/v1/inputs/{name}", data).status in (200, 201, 204)
+        job = service.wait_state(service.submit(job_of(f"sha256:{name}.glb")), "succeeded")
+        report = service.get(f"/v1/jobs/{job['id']}/results/report.json").json
+        text = "".join(warnings_of(report))
+        assert ('the image "a.png" is a separate file, which an uploaded mesh cannot name' in text) == (kind == "separate")
+        assert len(report["inputs"]) == 1
+    data = textured.obj(vertices, faces, uv).encode()
+    name = hashlib.sha256(data).hexdigest()
+    service.request("PUT", f"/v1/inputs/{name}", data)
+    job = service.wait_state(service.submit(job_of(f"sha256:{name}.obj")), "failed")
+    assert job["error"]["code"] == "attribute_missing" and "upload a .glb file" in job["error"]["message"]
