@@ -9,7 +9,7 @@
 #include "surface/levelset/levelset.h"
 #include "io/meshes/content_end.h"
 #include "io/meshes/mesh_file.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/plain_textures.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
 
@@ -107,6 +107,39 @@ static void read_plain(const char *ending, const char *data, size_t size)
     plain_mesh_free(&m);
 }
 
+/* A file with its textures, or a file of materials (mtl). */
+static void read_textures(const char *ending, const char *data, size_t size)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    const bool is_mesh = strcmp(ending, "mtl") != 0;
+    const bool ok = is_mesh ? plain_mesh_read_textures(ending, data, size, &textures, &m)
+                            : plain_textures_read_mtl(data, size, &m);
+    const mesh_textures *all = &textures.all;
+    expect(ok || !is_mesh || m.refused == ERROR_NONE || *m.text);
+    for (size_t k = 0; ok && k < all->materials; k++)
+        expect(all->material[k].image == MESH_TEXTURES_NONE || all->material[k].image < all->images);
+    if (ok && is_mesh) expect(textures.polygons == m.polygons && textures.corners == m.polygon_corners);
+    for (size_t k = 0; ok && k < textures.polygons; k++)
+        expect(all->polygon_material[k] == MESH_TEXTURES_NONE || all->polygon_material[k] < all->materials);
+    plain_mesh_free(&m);
+    mesh_textures_free(&textures.all);
+}
+
+/* What the process answers of textures, of a number of corners that the bytes have room for. */
+static void parse_textures(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    mesh_textures t = {0};
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    const bool ok = mesh_file_parse_textures(&from, memory, 2, 6, &t, &e);
+    expect(ok || *e.message);
+    for (size_t k = 0; ok && k < t.images; k++) expect(memchr(t.image[k].name, 0, sizeof t.image[k].name));
+    mesh_textures_free(&t);
+    fclose(from.stream);
+}
+
 /* The same bytes as files of each format. */
 static void read_files(const uint8_t *data, size_t size)
 {
@@ -122,6 +155,11 @@ static void read_files(const uint8_t *data, size_t size)
     read_plain("glb", copy, size);
     read_plain("3mf", copy, size);
     read_plain("npz", copy, size);
+    read_textures("obj", copy, size);
+    read_textures("ply", copy, size);
+    read_textures("glb", copy, size);
+    read_textures("3mf", copy, size);
+    read_textures("mtl", copy, size);
     for (int k = 0; k < 3; k++) {
         size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
         expect(end <= size);
@@ -144,6 +182,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     read_values(data, size);
     read_polygons(data, size);
     read_points(data, size);
+    parse_textures(data, size);
     read_files(data, size);
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);

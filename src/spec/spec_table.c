@@ -2014,8 +2014,9 @@ const spec_row spec_rows[] = {
      .otherwise = "268435456",
      AT(image_pixels),
      .unit = "pixels",
-     .prose = "The maximum width times height of an image of a mesh (attributes: base_color). A larger one is "
-              "refused before it is decoded."},
+     .prose =
+         "The maximum width times height of an image of a mesh (attributes: base_color). A larger one is "
+         "refused before it is decoded."},
     {.pointer = MEMBER("/limits", "image_scans"),
      .title = "Most scans of a JPEG image",
      .type = SPEC_TYPE_LARGE,
@@ -2024,8 +2025,9 @@ const spec_row spec_rows[] = {
      .otherwise = "500",
      AT(image_scans),
      .unit = "scans",
-     .prose = "The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each "
-              "takes the time of a decoding."},
+     .prose =
+         "The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each "
+         "takes the time of a decoding."},
     {.pointer = MEMBER("/limits", "max_attempts"),
      .title = "Most attempts",
      .type = SPEC_TYPE_INTEGER,
