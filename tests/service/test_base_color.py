@@ -374,6 +374,82 @@ def test_colours_and_materials_of_3mf(carry, tmp_path):
     assert numpy.abs(color - expected)[sure].max() < 1e-4
 
 
+def test_multiproperties_have_a_warning(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    more = '<m:multiproperties id="5" pids="2"><m:multi pindices="0"/></m:multiproperties>'
+    _, color, report = carry(write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), more=more, extra={2: 'pid="5" p1="0"'}), count=100)
+    assert color is not None
+    found, = warnings_of(report)
+    assert "1 triangles are white: their pid names multiproperties" in found
+
+
+# ---- COLLADA
+
+@pytest.mark.sanitized
+def test_texel_centres_of_collada(carry, tmp_path):
+    """Squares, and a file whose name is percent-encoded."""
+    corners, squares, uv = textured.cube()
+    (tmp_path / "my a.png").write_bytes(textured.png(IMAGE, 2))
+    (tmp_path / "a.dae").write_text(textured.collada(corners, squares, [uv], [("./my%20a.png", 0)]))
+    given, texels = texel_centres(corners, squares[2], uv[2], IMAGE.shape)
+    at, color, report = carry(tmp_path / "a.dae", given=given)
+    assert color is not None, at
+    order = numpy.argmin(numpy.linalg.norm(at[:, None] - given[None], axis=2), 1)
+    assert numpy.abs(color[:, :3] * 255 - IMAGE[tuple(texels[order].T)]).max() < 1e-3 and (color[:, 3] == 1).all()
+    assert report["inputs"][-1]["path"] == str(tmp_path / "my a.png")
+    assert not warnings_of(report)
+
+
+@pytest.mark.parametrize("wrap", ["WRAP", "MIRROR", "CLAMP"])
+def test_wraps_of_collada(carry, tmp_path, wrap):
+    vertices, faces, uv = textured.cube()
+    uv = 2.5 * uv - 0.75
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    (tmp_path / "a.dae").write_text(textured.collada(vertices, faces, [uv], [("a.png", 0)], wrap=wrap))
+    places, color, report = carry(tmp_path / "a.dae")
+    assert color is not None, places
+    faces, uv = textured.triangulate(faces, uv)
+    _, at, sure = on_triangles(places, vertices, faces, uv)
+    expected = look_up(IMAGE / 255, at, {"WRAP": "repeat"}.get(wrap, wrap.lower()))
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4 and not warnings_of(report)
+
+
+def test_materials_and_sets_of_collada(carry, tmp_path):
+    """An image on the second set of coordinates, which repeat it, and a colour alone."""
+    vertices, faces, uv = textured.sphere()
+    second = 2.5 * uv - 0.75
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    of = numpy.where(vertices[faces].mean(1)[:, 2] > 0, 0, 1)
+    (tmp_path / "a.dae").write_text(textured.collada(vertices, faces, [uv, second], [("a.png", 1), (0.2, 0.4, 0.6, 1.0)], of))
+    places, color, report = carry(tmp_path / "a.dae")
+    assert color is not None, places
+    _, at, sure = on_triangles(places, vertices, faces, second)
+    expected = numpy.where(places[:, 2:] > 0, look_up(IMAGE / 255, at), [0.2, 0.4, 0.6])
+    sure &= numpy.abs(places[:, 2]) > 0.01
+    assert numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4 and (color[:, 3] == 1).all() and not warnings_of(report)
+
+
+def test_what_is_not_read_of_collada_has_a_warning(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    text = textured.collada(vertices, faces, [uv, uv], [("a.png", 1)], numbers=[1, 3], wrap="BORDER")
+    unbound = textured.collada(vertices, faces, [uv], [("a.png", 0)]).replace('material="symbol0"', 'material="other"')
+    clear = textured.collada(vertices, faces, [uv], [("a.png", 0)]).replace(
+        "</lambert>", "<transparency><float>0.5</float></transparency></lambert>")
+    for written, *words in ((text, "2 wrap modes are not WRAP, MIRROR or CLAMP", "1 sets of texture coordinates are not numbered"),
+                            (unbound, "No material specified"), (clear, 'the transparency of the material "paint 0" is not read')):
+        (tmp_path / "a.dae").write_text(written)
+        _, color, report = carry(tmp_path / "a.dae", count=100)
+        assert color is not None
+        for word in words:
+            assert word in " ".join(warnings_of(report))
+    (tmp_path / "a.dae").write_text(textured.collada(vertices, faces, [uv], []).replace("</mesh>", (
+        '<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh>')))
+    error, none, _ = carry(tmp_path / "a.dae", count=100)
+    assert none is None and error["code"] == "attribute_missing"
+
+
 # ---- images
 
 PALETTE = RNG.integers(0, 256, (4, 3))
@@ -438,6 +514,82 @@ def test_what_is_ignored_has_a_warning(carry, tmp_path):
     assert not color[:, :3].any()
     for words in ("option -mm", "so that its image is black", "(ICC), which is not applied", "EXIF data"):
         assert words in text
+
+
+def test_many_warnings_are_counted(carry, tmp_path):
+    """Forty materials whose images are missing: the first ones by name, the number of the others."""
+    vertices, faces, uv = textured.sphere()
+    names = [f"paint{k % 40}" for k in range(len(faces))]
+    (tmp_path / "a.obj").write_text(textured.obj(vertices, faces, uv, material=names))
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl paint{k}\nmap_Kd {k}.png\n" for k in range(40)))
+    _, color, report = carry(tmp_path / "a.obj", count=100)
+    assert color is not None
+    found = warnings_of(report)
+    assert 'the image "0.png" is missing' in found[0] and f"{41 - len(found)} further warnings" in found[-1]
+
+
+def test_triangles_without_coordinates_have_a_warning(carry, tmp_path):
+    mesh = write_obj(tmp_path, textured.cube(), textured.png(IMAGE, 2), "Kd 0.5 0.25 1\nmap_Kd a.png\n")
+    lines = [" ".join(word.split("/")[0] for word in line.split(" ")) for line in mesh.read_text().splitlines()
+             if not line.startswith("vt")]
+    mesh.write_text("\n".join(lines) + "\n")
+    _, color, report = carry(mesh, count=100)
+    assert (color[:, :3] == [0.5, 0.25, 1]).all()
+    found, = warnings_of(report)
+    assert "points lie on triangles that have an image, but no coordinates on it" in found
+
+
+@pytest.mark.sanitized
+def test_fields_of_mtl_that_are_there_twice_or_not_understood(carry, tmp_path):
+    for mtl, color, words in (
+            ("Kd 0.5 0.5 0.5x\n", [1, 1, 1, 1], "Kd of the material \"paint\" is not one or three numbers"),
+            ("Kd 0.5 0.25\n", [1, 1, 1, 1], "Kd of the material \"paint\" is not one or three numbers"),
+            ("Kd 0.5\nd half\n", [0.5, 0.5, 0.5, 1], "d of the material \"paint\" is not a number"),
+            ("Kd 1 1 1\nTr 0.25\nKd 0.5 0.25 1\n", [0.5, 0.25, 1, 0.75], "has Kd twice: the last one is used"),
+            ("Tr 1\n", [1, 1, 1, 0], "has an opacity of 0 by its d or Tr"),
+            ("Kd 0.5 0.25 1\nnewmtl paint\nKd 1 1 1\n", [0.5, 0.25, 1, 1], "is there twice: the first one is used"),
+            ("Kd 0.5 0.25 1\nmap_kd a.png\nKs 1 1 1\n", [0.5, 0.25, 1, 1], "map_kd of the material \"paint\" is not read")):
+        places, found, report = carry(write_obj(tmp_path, textured.cube(), None, mtl), count=100)
+        assert found is not None, places
+        assert numpy.abs(found - color).max() < 1e-6
+        warning, = warnings_of(report)
+        assert words in warning
+
+
+@pytest.mark.sanitized
+def test_fields_of_gltf_and_3mf_that_are_not_understood(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+
+    def refused(mesh, words):
+        error, none, _ = carry(mesh, count=100)
+        assert none is None and error["code"] == "input_damaged" and words in error["message"], error
+    for texture, material, sampler, words in (
+            ({}, {"baseColorFactor": [1, 1]}, {}, "wrong factor of material 0"), ({"texCoord": -1}, {}, {}, "wrong texCoord"),
+            ({"extensions": {"KHR_texture_transform": {"offset": "x"}}}, {}, {}, "wrong KHR_texture_transform"),
+            ({"extensions": {"KHR_texture_transform": {"rotation": [1]}}}, {}, {}, "wrong KHR_texture_transform"),
+            ({}, {}, {"wrapS": 3}, "wrong sampler"), ({}, {}, {"wrapT": "x"}, "wrong sampler")):
+        of = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **texture}, **material}}
+        refused(write_glb(tmp_path / "a.glb", vertices, faces, [uv], [textured.png(IMAGE, 2)], [of],
+                          [{"source": 0, "sampler": 0}], [sampler]), words)
+    for more, extra, style, words in (
+            ('<m:colorgroup id="4"><m:color color="#12345"/></m:colorgroup>', {}, "wrap", "a colour is not of the form"),
+            ('<m:colorgroup id="4"><m:color color="#12345678 "/></m:colorgroup>', {}, "wrap", "a colour is not of the form"),
+            ('<m:colorgroup id="4"/><m:colorgroup id="4"/>', {}, "wrap", "two resources have the same id"),
+            ("", {0: 'pid="2" p1="one"'}, "wrap", "is not a number"), ("", {0: 'pid="2" p1="99"'}, "wrap", "that is missing"),
+            ("", {}, "odd", "a tile style is none of")):
+        refused(write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), (style, "wrap"), more=more, extra=extra), words)
+
+
+def test_faces_of_ply_without_their_image(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    (tmp_path / "a.png").write_bytes(textured.png(IMAGE, 2))
+    (tmp_path / "a.ply").write_bytes(textured.ply(vertices, faces, uv, ["  a.png "], numbers=numpy.arange(len(faces)) // 8))
+    _, color, report = carry(tmp_path / "a.ply")
+    found, = warnings_of(report)
+    assert f"{len(faces) - 8} faces have a texnumber for which there is no TextureFile" in found
+    assert 0 < (color[:, :3] == 1).all(1).sum() < len(color)
 
 
 @pytest.mark.sanitized

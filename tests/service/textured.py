@@ -167,3 +167,46 @@ def part_of_3mf(vertices, faces, property_of):
     places = "".join('<vertex x="%.17g" y="%.17g" z="%.17g"/>' % tuple(v) for v in vertices)
     triangles = "".join('<triangle v1="%d" v2="%d" v3="%d" %s/>' % (*f, property_of(k)) for k, f in enumerate(faces))
     return f"<mesh><vertices>{places}</vertices><triangles>{triangles}</triangles></mesh>"
+
+
+def collada(vertices, faces, sets, materials, of=None, numbers=None, wrap=None):
+    """COLLADA 1.4 text, in metres with y upwards: one polylist for each material. sets: arrays of uv of each corner of each
+    face, v upwards; materials: for each an image file and a number of a set, or a colour; of: the material of each face;
+    numbers: of the sets; wrap: the wrap mode of all samplers."""
+    of = numpy.zeros(len(faces), int) if of is None else numpy.asarray(of)
+    faces, numbers = numpy.asarray(faces), range(len(sets)) if numbers is None else numbers
+
+    def source(name, values, of_each):
+        text = " ".join(repr(v) for v in numpy.ravel(values).tolist())
+        params = "".join(f'<param name="{axis}" type="float"/>' for axis in of_each)
+        return (f'<source id="{name}"><float_array id="{name}-array" count="{numpy.size(values)}">{text}</float_array><technique_common>'
+                f'<accessor source="#{name}-array" count="{len(values)}" stride="{len(of_each)}">{params}</accessor></technique_common></source>')
+    sources = source("p", vertices, "XYZ") + "".join(source(f"t{k}", numpy.reshape(uv, (-1, 2)), "ST") for k, uv in enumerate(sets))
+    primitives = images = effects = listed = bound = ""
+    for k, material in enumerate(materials):
+        mine = numpy.flatnonzero(of == k)
+        corners = [f"{v} " + " ".join([str(faces.shape[1] * f + n)] * len(sets)) for f in mine for n, v in enumerate(faces[f])]
+        inputs = "".join(f'<input semantic="TEXCOORD" source="#t{n}" offset="{n + 1}" set="{number}"/>' for n, number in enumerate(numbers))
+        primitives += (f'<polylist material="symbol{k}" count="{len(mine)}"><input semantic="VERTEX" source="#v" offset="0"/>{inputs}'
+                       f'<vcount>{" ".join([str(faces.shape[1])] * len(mine))}</vcount><p>{" ".join(corners)}</p></polylist>')
+        sampler, binding = "", ""
+        if isinstance(material, tuple) and isinstance(material[0], str):
+            images += f'<image id="image{k}"><init_from>{material[0]}</init_from></image>'
+            mode = f"<wrap_s>{wrap}</wrap_s><wrap_t>{wrap}</wrap_t>" if wrap else ""
+            sampler = (f'<newparam sid="surface{k}"><surface type="2D"><init_from>image{k}</init_from></surface></newparam>'
+                       f'<newparam sid="sampler{k}"><sampler2D><source>surface{k}</source>{mode}</sampler2D></newparam>')
+            diffuse = f'<texture texture="sampler{k}" texcoord="MAP"/>'
+            binding = f'<bind_vertex_input semantic="MAP" input_semantic="TEXCOORD" input_set="{material[1]}"/>'
+        else:
+            diffuse = "<color>" + " ".join(map(repr, material)) + "</color>"
+        effects += (f'<effect id="effect{k}"><profile_COMMON>{sampler}<technique sid="common"><lambert><diffuse>{diffuse}</diffuse></lambert>'
+                    "</technique></profile_COMMON></effect>")
+        listed += f'<material id="material{k}" name="paint {k}"><instance_effect url="#effect{k}"/></material>'
+        bound += f'<instance_material symbol="symbol{k}" target="#material{k}">{binding}</instance_material>'
+    return ('<?xml version="1.0" encoding="utf-8"?>\n<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+            '<asset><unit name="meter" meter="1"/><up_axis>Y_UP</up_axis></asset>'
+            f"<library_images>{images}</library_images><library_effects>{effects}</library_effects><library_materials>{listed}</library_materials>"
+            f'<library_geometries><geometry id="g"><mesh>{sources}<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{primitives}'
+            "</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id=\"s\"><node id=\"n\"><instance_geometry url=\"#g\">"
+            f"<bind_material><technique_common>{bound}</technique_common></bind_material></instance_geometry></node></visual_scene>"
+            '</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>\n')

@@ -227,6 +227,9 @@ bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, s
         if (!memchr(out->library[k], 0, sizeof out->library[k])) return reader_invalid(e);
         blank_name(out->library[k]);
     }
+    if (!memchr(h.warnings, 0, sizeof h.warnings)) return reader_invalid(e);
+    reader_blank(h.warnings, "\n");
+    memcpy(out->warnings, h.warnings, sizeof out->warnings);
     return read_images(r, memory_limit, out, e) && read_corners(r, polygons, corners, h.has_colors, out, e);
 }
 
@@ -412,12 +415,13 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
 }
 
 bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, mesh_notes *notes, error *e)
+                             mesh_textures *textures, error *e)
 {
     mesh_reader_header header = {0};
     mesh_polygons read = {0};
     mesh_textures found = {0};
-    if (read_file(file, &header, out, notes, NULL, &read, &found, e)) {
+    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
+    if (read_file(file, &header, out, &unused, NULL, &read, &found, e)) {
         *polygons = read;
         *textures = found;
         return true;
@@ -427,7 +431,7 @@ bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *po
     return false;
 }
 
-bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, mesh_notes *notes, error *e)
+bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e)
 {
     mesh_reader_header header = {0};
     mesh_textures found = {0};
@@ -439,7 +443,6 @@ bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, me
         return false;
     bool ok = read_header(&r, &header, &text, e) &&
               mesh_file_parse_textures(&r, file->memory_limit, 0, 0, &found, e) && check_end(&r, e);
-    if (ok) note_lines(notes, text);
     free(text);
     ok = reader_end(&r, ok, e);
     if (ok)

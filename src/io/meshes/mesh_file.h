@@ -64,14 +64,13 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 
 /* Reads the mesh without repair, with its polygons and their textures. Libraries and images that are files are
- * named, not read. *notes receives warnings of the textures and of the mesh. Errors: as mesh_file_read;
- * input_unsupported: other formats than OBJ, PLY, glTF and 3MF. Free *out, *polygons and *textures after
- * success. */
+ * named, not read. Errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
+ * COLLADA. Free *out, *polygons and *textures after success. */
 bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, mesh_notes *notes, error *e);
+                             mesh_textures *textures, error *e);
 
-/* Reads a file of materials (MTL), which has no polygons. Errors and *notes: as mesh_file_read_textures. */
-bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, mesh_notes *notes, error *e);
+/* Reads a file of materials (MTL), which has no polygons. Errors: as mesh_file_read_textures. */
+bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e);
 
 /* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors:
  * input_damaged (also for a coordinate that is not finite, with its row, from 0), input_unsupported

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; with library_scene
+/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp. With library_scene and library_textures it is
  * the only user of that library.
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any

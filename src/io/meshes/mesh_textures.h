@@ -14,6 +14,9 @@
 /* Sizes of names with their byte 0; maximum numbers. A file with more is refused. */
 enum { MESH_MATERIAL_NAME_SIZE = 256, MESH_IMAGE_NAME_SIZE = 1024, MESH_TEXTURES_MOST = 4096 };
 
+/* Size of the warnings with their byte 0. */
+enum { MESH_TEXTURES_TEXT_SIZE = 1024 };
+
 #define MESH_TEXTURES_NONE UINT32_MAX /* instead of the index of a material or an image */
 
 /* How an image continues beyond its sides. */
@@ -47,11 +50,12 @@ typedef struct mesh_textures {
     size_t materials, images, libraries;
     mesh_material *material;
     mesh_image *image;
-    unsigned char **data;                  /* per image: its bytes, or NULL */
-    char (*library)[MESH_IMAGE_NAME_SIZE]; /* files with materials, relative to the mesh file */
-    uint32_t *polygon_material;            /* per polygon, or MESH_TEXTURES_NONE */
-    double (*uv)[2];                       /* per corner of a polygon; NaN: there are none */
-    float (*color)[4];                     /* per corner, multiplied with the image; NULL: all are 1 */
+    unsigned char **data;                   /* per image: its bytes, or NULL */
+    char (*library)[MESH_IMAGE_NAME_SIZE];  /* files with materials, relative to the mesh file */
+    uint32_t *polygon_material;             /* per polygon, or MESH_TEXTURES_NONE */
+    double (*uv)[2];                        /* per corner of a polygon; NaN: there are none */
+    float (*color)[4];                      /* per corner, multiplied with the image; NULL: all are 1 */
+    char warnings[MESH_TEXTURES_TEXT_SIZE]; /* one a line */
 } mesh_textures;
 
 void mesh_textures_free(mesh_textures *t); /* accepts a zeroed object */
@@ -66,6 +70,7 @@ mesh_material mesh_textures_white(void);
 /* Heads of the part of the reader's answer that has the textures (mesh_reader.h). */
 typedef struct mesh_textures_header {
     uint32_t materials, images, libraries, has_colors;
+    char warnings[MESH_TEXTURES_TEXT_SIZE];
 } mesh_textures_header;
 
 #endif

@@ -56,18 +56,13 @@ typedef struct property {
 } property;
 
 /* A resource that triangles can name: rows with a colour each, or with coordinates on an image. */
-typedef enum resource_kind { OF_COLORS, OF_COORDINATES, OF_OTHER } resource_kind;
+typedef enum resource_kind { OF_COLORS, OF_COORDINATES } resource_kind;
 
 typedef struct resource {
     resource_kind kind;
     size_t row[2];     /* range of the package's rows */
     uint32_t material; /* or MESH_TEXTURES_NONE */
 } resource;
-
-/* A texture2d. */
-typedef struct texture {
-    mesh_material material;
-} texture;
 
 typedef struct package {
     const char *archive;
@@ -83,11 +78,11 @@ typedef struct package {
     list defaults;   /* of property: one for each of `objects` */
     list resources;  /* of resource */
     list rows;       /* of double[4]: colours, or u and v */
-    list textures;   /* of texture */
+    list textures;   /* of mesh_material: each texture2d */
     name_table resource_names, texture_names;
     resource *filled; /* the resource whose rows are read, or NULL */
     uint32_t colors;  /* the material of colours, or MESH_TEXTURES_NONE */
-    size_t others;    /* resources that are not read */
+    size_t others;    /* number of triangles that name a resource that is not read */
     name_table part_names, object_names;
     size_t placed; /* number of placed objects, at most PLACED_MOST */
     size_t beam_lattices;
@@ -104,11 +99,11 @@ static bool damaged(package *p, const char *what)
     return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED, "the 3MF file is damaged: %s", what);
 }
 
-static bool read_entry(package *p, const char *path, char **out, size_t *length)
+static bool read_bytes(package *p, const char *path, char **out, size_t *length)
 {
     switch (zip_entry_read(p->archive, p->size, path + (*path == '/'), out, length)) {
     case ZIP_ENTRY_READ:
-        break;
+        return true;
     case ZIP_ENTRY_MISSING:
         return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
                                  "the 3MF file is damaged: its part %.200s is missing", path);
@@ -117,6 +112,12 @@ static bool read_entry(package *p, const char *path, char **out, size_t *length)
     default:
         return damaged(p, "a part of it cannot be decompressed");
     }
+}
+
+/* Reads a part that is text. */
+static bool read_entry(package *p, const char *path, char **out, size_t *length)
+{
+    if (!read_bytes(p, path, out, length)) return false;
     if (!memchr(*out, 0, *length)) return true;
     free(*out); /* the standard permits UTF-16 */
     return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
@@ -279,7 +280,10 @@ static bool add_property(package *p, list *to, const char **attributes, const ch
     *new = (property){.resource = id ? strdup(id) : NULL};
     if (id && !new->resource) return plain_mesh_refuse_memory(p->out);
     for (int k = 0; k < 3; k++)
-        if (!read_index(attributes, index[k], &new->index[k])) new->index[k] = k > 0 ? new->index[0] : 0;
+        if (!xml_attribute(attributes, index[k]))
+            new->index[k] = k > 0 ? new->index[0] : 0;
+        else if (!read_index(attributes, index[k], &new->index[k]))
+            return damaged(p, "the index of a colour or a texture coordinate is not a number");
     return true;
 }
 
@@ -287,11 +291,12 @@ static bool add_property(package *p, list *to, const char **attributes, const ch
 static bool read_color(package *p, const char *text, double out[4])
 {
     unsigned value[4] = {0, 0, 0, 255};
-    const int count = text && *text == '#'
-                          ? sscanf(text + 1, "%2x%2x%2x%2x", &value[0], &value[1], &value[2], &value[3])
-                          : 0;
+    const size_t digits = text && *text == '#' ? strspn(text + 1, "0123456789abcdefABCDEF") : 0;
+    if ((digits != 6 && digits != 8) || text[1 + digits])
+        return damaged(p, "a colour is not of the form #RRGGBB or #RRGGBBAA");
+    sscanf(text + 1, "%2x%2x%2x%2x", &value[0], &value[1], &value[2], &value[3]);
     for (int k = 0; k < 4; k++) out[k] = value[k] / 255.0;
-    return count >= 3 || damaged(p, "a colour is not of the form #RRGGBB");
+    return true;
 }
 
 static bool add_row(package *p, const double row[4])
@@ -303,41 +308,36 @@ static bool add_row(package *p, const double row[4])
     return true;
 }
 
-static mesh_wrap wrap_of(const char **attributes, const char *name)
+static bool read_wrap(package *p, const char **attributes, const char *name, uint32_t *out)
 {
+    static const char *const styles[] = {[MESH_WRAP_REPEAT] = "wrap",
+                                         [MESH_WRAP_MIRROR] = "mirror",
+                                         [MESH_WRAP_CLAMP] = "clamp",
+                                         [MESH_WRAP_NOTHING] = "none"};
     const char *style = xml_attribute(attributes, name);
-    return !style || strcmp(style, "wrap") == 0 ? MESH_WRAP_REPEAT
-           : strcmp(style, "mirror") == 0       ? MESH_WRAP_MIRROR
-           : strcmp(style, "clamp") == 0        ? MESH_WRAP_CLAMP
-                                                : MESH_WRAP_NOTHING;
+    for (*out = 0; *out < MESH_WRAPS; ++*out)
+        if (!style || strcmp(style, styles[*out]) == 0) return true;
+    return damaged(p, "a tile style is none of wrap, mirror, clamp and none");
 }
 
 /* Reads a texture2d: its image is a part of the package. */
 static bool add_texture(package *p, const char **attributes)
 {
     const char *path = xml_attribute(attributes, "path"), *id = xml_attribute(attributes, "id");
-    texture new = {mesh_textures_white()};
+    mesh_material new = mesh_textures_white();
     char *data = NULL;
     size_t length = 0;
     if (!path) return damaged(p, "a texture has no path");
-    switch (zip_entry_read(p->archive, p->size, path + (*path == '/'), &data, &length)) {
-    case ZIP_ENTRY_READ:
-        break;
-    case ZIP_ENTRY_MISSING:
-        return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
-                                 "the 3MF file is damaged: its part %.200s is missing", path);
-    case ZIP_ENTRY_NO_MEMORY:
-        return plain_mesh_refuse_memory(p->out);
-    default:
-        return damaged(p, "a part of it cannot be decompressed");
-    }
-    new.material.wrap[0] = wrap_of(attributes, "tilestyleu");
-    new.material.wrap[1] = wrap_of(attributes, "tilestylev");
-    new.material.is_opaque = true;
-    const bool ok = length > 0 ? plain_textures_add_image(p->out, path, data, length, &new.material.image)
+    if (find_name(&p->texture_names, p->part, id)) return damaged(p, "two textures have the same id");
+    if (!read_wrap(p, attributes, "tilestyleu", &new.wrap[0]) ||
+        !read_wrap(p, attributes, "tilestylev", &new.wrap[1]))
+        return false;
+    if (!read_bytes(p, path, &data, &length)) return false;
+    new.is_opaque = true;
+    const bool ok = length > 0 ? plain_textures_add_image(p->out, path, data, length, &new.image)
                                : damaged(p, "an image is empty");
     free(data);
-    texture *at = ok ? append(p, &p->textures, sizeof *at) : NULL;
+    mesh_material *at = ok ? append(p, &p->textures, sizeof *at) : NULL;
     if (!at) return false;
     *at = new;
     return add_name(p, &p->texture_names, p->part, id, p->textures.count - 1);
@@ -349,10 +349,11 @@ static bool add_resource(package *p, resource_kind kind, const char **attributes
     static const char what[] = "it refers to a texture that is missing";
     const char *id = xml_attribute(attributes, "id");
     resource new = {kind, {p->rows.count, p->rows.count}, MESH_TEXTURES_NONE};
+    if (find_name(&p->resource_names, p->part, id)) return damaged(p, "two resources have the same id");
     if (kind == OF_COORDINATES) {
         const named *found = find_name(&p->texture_names, p->part, xml_attribute(attributes, "texid"));
         if (!found) return damaged(p, what);
-        if (!plain_textures_add_material(p->out, &((texture *)p->textures.items)[found->number].material,
+        if (!plain_textures_add_material(p->out, &((mesh_material *)p->textures.items)[found->number],
                                          &new.material))
             return false;
     }
@@ -362,7 +363,6 @@ static bool add_resource(package *p, resource_kind kind, const char **attributes
             return false;
         new.material = p->colors;
     }
-    p->others += kind == OF_OTHER;
     resource *at = append(p, &p->resources, sizeof *at);
     if (!at) return false;
     *at = new;
@@ -378,8 +378,6 @@ static bool begin_resource(package *p, const char *name, const char **attributes
     if (strcmp(name, "basematerials") == 0 || strcmp(name, "colorgroup") == 0)
         return add_resource(p, OF_COLORS, attributes);
     if (strcmp(name, "texture2dgroup") == 0) return add_resource(p, OF_COORDINATES, attributes);
-    if (strcmp(name, "multiproperties") == 0 || strcmp(name, "compositematerials") == 0)
-        return add_resource(p, OF_OTHER, attributes);
     if (!p->filled) return true;
     if (strcmp(name, "base") == 0 && p->filled->kind == OF_COLORS)
         return read_color(p,
@@ -407,11 +405,12 @@ static bool add_triangle_textures(package *p, const object *o, size_t number, si
     if (!named_by->resource) named_by = &((property *)p->defaults.items)[number];
     const named *found = find_name(&p->resource_names, o->part, named_by->resource);
     const resource *r = found ? &((resource *)p->resources.items)[found->number] : NULL;
+    p->others += named_by->resource && !r;
     double uv[3][2];
     float color[3][4];
     for (int k = 0; k < 3; k++) {
         const double *row = NULL;
-        if (r && r->kind != OF_OTHER) {
+        if (r) {
             if (named_by->index[k] >= r->row[1] - r->row[0])
                 return damaged(p, "a triangle names a colour or a texture coordinate that is missing");
             row = ((double(*)[4])p->rows.items)[r->row[0] + named_by->index[k]];
@@ -630,9 +629,10 @@ static void warn(package *p)
         plain_mesh_warn(p->out, "%zu of %zu objects are not in the build of the file: they are skipped", left,
                         p->objects.count);
     if (p->others > 0)
-        plain_mesh_warn(
+        plain_textures_warn(
             p->out,
-            "%zu composite materials or multiproperties are not read: triangles that name them are white",
+            "%zu triangles are white: their pid names multiproperties, composite materials or another resource "
+            "that is not read",
             p->others);
     if (p->beam_lattices > 0) plain_mesh_warn(p->out, "%zu beam lattices are skipped", p->beam_lattices);
 }

@@ -513,12 +513,16 @@ static void compose_trs(const double t[3], const double q[4], const double s[3],
     }
 }
 
+/* Reads `count` numbers. *out is unchanged if there are none. */
+static bool read_given(gltf *g, json_at at, double *out, size_t count, const char *what, size_t index)
+{
+    if (!at.node) return true;
+    return (json_size(at) == count && json_numbers(at, out, count) == count) || damaged(g, what, index);
+}
+
 static bool read_numbers(gltf *g, const json *node, const char *key, double *out, size_t count, size_t index)
 {
-    json_at at = member(node, key);
-    if (!at.node) return true;
-    return (json_size(at) == count && json_numbers(at, out, count) == count) ||
-           damaged(g, "wrong transform of node", index);
+    return read_given(g, member(node, key), out, count, "wrong transform of node", index);
 }
 
 /* Reads the transform of a node, row-major. */
@@ -622,9 +626,8 @@ static bool add_data_uri(gltf *g, const char *uri, size_t index, const char *nam
 static bool add_view(gltf *g, double view, size_t index, const char *name)
 {
     const json *of = item_at(&g->views, view);
-    elements e = {.count = of ? (size_t)fmax(json_number(member(of, "byteLength"), 0), 0) : 0,
-                  .components = 1,
-                  .type = 5121};
+    const double length = of ? json_number(member(of, "byteLength"), 0) : 0;
+    elements e = {.count = length > 0 && length < 1e15 ? (size_t)length : 0, .components = 1, .type = 5121};
     if (e.count == 0) return damaged(g, "no data in image", index);
     if (member(of, "byteStride").node) return damaged(g, "a byteStride in the bufferView of image", index);
     return find_elements(g, view, 0, index, &e) &&
@@ -648,10 +651,29 @@ static bool add_image(gltf *g, size_t index)
     return plain_textures_add_image(g->out, name, NULL, 0, &g->image_index[index]);
 }
 
-static mesh_wrap wrap_of(json_at sampler, const char *key)
+static bool read_wrap(gltf *g, json_at mode, size_t material, uint32_t *out)
 {
-    const double mode = json_number(json_member(&sampler, key), 10497);
-    return mode == 33071 ? MESH_WRAP_CLAMP : mode == 33648 ? MESH_WRAP_MIRROR : MESH_WRAP_REPEAT;
+    static const struct {
+        double name;
+        mesh_wrap wrap;
+    } modes[] = {{10497, MESH_WRAP_REPEAT}, {33648, MESH_WRAP_MIRROR}, {33071, MESH_WRAP_CLAMP}};
+    for (size_t k = 0; k < sizeof modes / sizeof *modes; k++)
+        if (!mode.node || json_number(mode, 0) == modes[k].name) {
+            *out = modes[k].wrap;
+            return true;
+        }
+    return damaged(g, "wrong sampler of material", material);
+}
+
+/* Reads the number of a set of texture coordinates. */
+static bool read_set(gltf *g, json_at at, size_t material)
+{
+    const double set = json_number(at, -1);
+    if (!at.node) return true;
+    if (!(set >= 0 && set < 1e6 && set == floor(set)))
+        return damaged(g, "wrong texCoord of material", material);
+    g->uv_set[material] = (uint32_t)set;
+    return true;
 }
 
 /* The index of the image of a texture; -1: it has none. An extension may name an image of another format. */
@@ -669,37 +691,40 @@ static double source_of(const json *texture)
 }
 
 /* KHR_texture_transform: scale, then rotation, counter-clockwise seen with v downwards, then offset. */
-static void read_texture_transform(json_at at, mesh_material *m, uint32_t *set)
+static bool read_texture_transform(gltf *g, json_at at, size_t material, mesh_material *m)
 {
+    static const char wrong[] = "wrong KHR_texture_transform of material";
     double offset[2] = {0, 0}, scale[2] = {1, 1};
-    const double turn = json_number(json_member(&at, "rotation"), 0), c = cos(turn), s = sin(turn);
-    json_numbers(json_member(&at, "offset"), offset, 2);
-    json_numbers(json_member(&at, "scale"), scale, 2);
+    json_at rotation = json_member(&at, "rotation");
+    const double turn = json_number(rotation, rotation.node ? (double)NAN : 0), c = cos(turn), s = sin(turn);
+    if (!isfinite(turn)) return damaged(g, wrong, material);
+    if (!read_given(g, json_member(&at, "offset"), offset, 2, wrong, material) ||
+        !read_given(g, json_member(&at, "scale"), scale, 2, wrong, material))
+        return false;
     const double m2[2][3] = {{c * scale[0], s * scale[1], offset[0]},
                              {-s * scale[0], c * scale[1], offset[1]}};
     memcpy(m->transform, m2, sizeof m2);
-    const double other = json_number(json_member(&at, "texCoord"), *set);
-    if (other >= 0 && other < 1e6) *set = (uint32_t)other;
+    return read_set(g, json_member(&at, "texCoord"), material);
 }
 
 /* Reads a textureInfo. */
 static bool read_texture(gltf *g, json_at info, size_t material, mesh_material *m)
 {
     const json *texture = item_at(&g->textures, json_number(json_member(&info, "index"), -1));
-    const double set = json_number(json_member(&info, "texCoord"), 0);
     json_at extensions = json_member(&info, "extensions"),
             transform = json_member(&extensions, "KHR_texture_transform");
     if (!texture) return damaged(g, "no texture of material", material);
-    if (set >= 0 && set < 1e6) g->uv_set[material] = (uint32_t)set;
-    if (transform.node) read_texture_transform(transform, m, &g->uv_set[material]);
+    if (!read_set(g, json_member(&info, "texCoord"), material) ||
+        (transform.node && !read_texture_transform(g, transform, material, m)))
+        return false;
     const json *sampler = item_at(&g->samplers, json_number(member(texture, "sampler"), -1));
-    if (sampler) {
-        m->wrap[0] = wrap_of(json_root(sampler), "wrapS");
-        m->wrap[1] = wrap_of(json_root(sampler), "wrapT");
-    }
+    if (member(texture, "sampler").node && !sampler) return damaged(g, "no sampler of material", material);
+    if (sampler && (!read_wrap(g, member(sampler, "wrapS"), material, &m->wrap[0]) ||
+                    !read_wrap(g, member(sampler, "wrapT"), material, &m->wrap[1])))
+        return false;
     const double source = source_of(texture);
     if (source < 0) {
-        plain_mesh_warn(g->out, "the texture of material %zu has no image", material);
+        plain_textures_warn(g->out, "the texture of material %zu has no image", material);
         return true;
     }
     if (!item_at(&g->images, source)) return damaged(g, "no image of material", material);
@@ -728,9 +753,13 @@ static bool read_material(gltf *g, size_t index)
     json_at from = is_older ? older : pbr;
     json_at texture = json_member(&from, is_older ? "diffuseTexture" : "baseColorTexture");
     snprintf(m.name, sizeof m.name, "%.200s", json_string(member(node, "name"), ""));
-    json_numbers(json_member(&from, is_older ? "diffuseFactor" : "baseColorFactor"), m.factor, 4);
-    m.is_opaque = strcmp(json_string(member(node, "alphaMode"), "OPAQUE"), "OPAQUE") == 0;
-    return (!texture.node || read_texture(g, texture, index, &m)) &&
+    const char *mode = json_string(member(node, "alphaMode"), member(node, "alphaMode").node ? "" : "OPAQUE");
+    m.is_opaque = strcmp(mode, "OPAQUE") == 0;
+    if (!m.is_opaque && strcmp(mode, "MASK") != 0 && strcmp(mode, "BLEND") != 0)
+        return damaged(g, "wrong alphaMode of material", index);
+    return read_given(g, json_member(&from, is_older ? "diffuseFactor" : "baseColorFactor"), m.factor, 4,
+                      "wrong factor of material", index) &&
+           (!texture.node || read_texture(g, texture, index, &m)) &&
            plain_textures_add_material(g->out, &m, &unused);
 }
 

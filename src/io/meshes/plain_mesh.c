@@ -156,7 +156,10 @@ static bool read_as(const char *ending, const char *data, size_t size, plain_mes
     if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
-    plain_mesh left = {.refused = out->refused, .unit = out->unit, .is_quantised = out->is_quantised};
+    plain_mesh left = {.refused = out->refused,
+                       .unit = out->unit,
+                       .is_quantised = out->is_quantised,
+                       .textures = out->textures};
     memcpy(left.text, out->text, sizeof left.text);
     plain_mesh_free(out);
     *out = left;

@@ -68,7 +68,7 @@ static bool skip_option(const char **at, plain_mesh *m)
         const mtl_option *o = &ignored_options[k];
         double number;
         if (!is_word(*at, o->name)) continue;
-        plain_mesh_warn(m, "the option %s of map_Kd is not applied", o->name);
+        plain_textures_warn(m, "the option %s of map_Kd is not applied", o->name);
         *at = skip_blanks(*at + strlen(o->name));
         for (int n = 0; n < o->arguments; n++) {
             const char *next = *at;
@@ -86,7 +86,7 @@ static bool read_map(const char *at, mesh_material *material, plain_mesh *m)
     for (at = skip_blanks(at); *at == '-'; at = skip_blanks(at))
         if (!read_option(&at, material, scale, offset) && !skip_option(&at, m)) break;
     if (!*at) {
-        plain_mesh_warn(m, "map_Kd of the material \"%.60s\" names no file", material->name);
+        plain_textures_warn(m, "map_Kd of the material \"%.60s\" names no file", material->name);
         return true;
     }
     /* v is upwards in the file, and downwards in images */
@@ -95,59 +95,113 @@ static bool read_map(const char *at, mesh_material *material, plain_mesh *m)
     return plain_textures_add_image(m, at, NULL, 0, &material->image);
 }
 
-static bool begin_material(const char *at, mesh_material **material, plain_mesh *m)
+/* The material that is being read. */
+typedef struct reading {
+    plain_mesh *m;
+    mesh_material *material; /* NULL: before the first */
+    bool has_color, has_opacity, has_image;
+} reading;
+
+static bool begin_material(const char *at, reading *r)
 {
     mesh_material new = mesh_textures_white();
     uint32_t index;
     if ((size_t)snprintf(new.name, sizeof new.name, "%s", at) >= sizeof new.name)
-        return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED,
+        return plain_mesh_refuse(r->m, ERROR_INPUT_UNSUPPORTED,
                                  "its name \"%.80s...\" of a material is too long. Shorten it.", at);
-    if (!plain_textures_add_material(m, &new, &index)) return false;
-    *material = &m->textures->all.material[index];
+    if (plain_textures_find_material(r->m, new.name) != MESH_TEXTURES_NONE)
+        plain_textures_warn(r->m, "the material \"%.60s\" is there twice: the first one is used", new.name);
+    if (!plain_textures_add_material(r->m, &new, &index)) return false;
+    *r = (reading){.m = r->m, .material = &r->m->textures->all.material[index]};
     return true;
 }
 
-static bool take_line(const char *at, mesh_material **material, plain_mesh *m)
+/* Warns if a line of a material is its second one. */
+static void warn_of_second(const reading *r, const char *name, bool *has)
+{
+    if (*has)
+        plain_textures_warn(r->m, "the material \"%.60s\" has %s twice: the last one is used",
+                            r->material->name, name);
+    *has = true;
+}
+
+/* Reads the numbers of a line to its end: 1, or `most`. False: it is something else, which has a warning. */
+static bool read_line(const char *at, const char *name, const reading *r, double *number, int most)
+{
+    const int count = read_numbers(&at, number, most);
+    if ((count == 1 || count == most) && !*skip_blanks(at)) {
+        for (int k = count; k < most; k++) number[k] = number[0];
+        return true;
+    }
+    plain_textures_warn(r->m, "%s of the material \"%.60s\" is not %s: it is 1", name, r->material->name,
+                        most == 1 ? "a number" : "one or three numbers");
+    return false;
+}
+
+static void read_opacity(const char *at, const char *name, reading *r)
+{
+    double number;
+    at = skip_blanks(at);
+    if (is_word(at, "-halo")) at += strlen("-halo");
+    warn_of_second(r, "d or Tr", &r->has_opacity);
+    if (read_line(at, name, r, &number, 1))
+        r->material->factor[3] = strcmp(name, "d") == 0 ? number : 1 - number;
+}
+
+/* Whether the first word of a line is one of MTL that does not change the base colour. */
+static bool is_without_effect(const char *at)
+{
+    static const char *const words[] = {
+        "Ka",      "Ks",      "Ke",      "Tf",       "Ns",       "Ni",     "illum",    "map_Ka",
+        "map_Ks",  "map_Ke",  "map_Ns",  "map_Bump", "map_bump", "map_Pr", "map_Pm",   "map_Ps",
+        "map_RMA", "map_ORM", "map_aat", "bump",     "refl",     "norm",   "map_refl", "sharpness",
+        "Pr",      "Pm",      "Ps",      "Pc",       "Pcr",      "aniso",  "anisor"};
+    for (size_t k = 0; k < sizeof words / sizeof *words; k++)
+        if (is_word(at, words[k])) return true;
+    return !*at;
+}
+
+static bool take_line(const char *at, reading *r)
 {
     double number[3];
-    if (is_word(at, "newmtl")) return begin_material(skip_blanks(at + strlen("newmtl")), material, m);
-    if (!*material) return true;
+    if (is_word(at, "newmtl")) return begin_material(skip_blanks(at + strlen("newmtl")), r);
+    if (!r->material || is_without_effect(at)) return true;
     if (is_word(at, "Kd")) {
-        at += 2;
-        const int count = read_numbers(&at, number, 3);
-        for (int k = 0; k < 3 && count > 0; k++) (*material)->factor[k] = number[count == 3 ? k : 0];
-        if (count == 0)
-            plain_mesh_warn(m, "Kd of the material \"%.60s\" is not numbers: it is 1", (*material)->name);
-    } else if (is_word(at, "d") || is_word(at, "Tr")) {
-        const bool is_opacity = *at == 'd';
-        at = skip_blanks(at + (is_opacity ? 1 : 2));
-        if (is_word(at, "-halo")) at += strlen("-halo");
-        if (read_numbers(&at, number, 1) == 1)
-            (*material)->factor[3] = is_opacity ? number[0] : 1 - number[0];
+        warn_of_second(r, "Kd", &r->has_color);
+        if (read_line(at + strlen("Kd"), "Kd", r, number, 3))
+            memcpy(r->material->factor, number, sizeof number);
+    } else if (is_word(at, "d")) {
+        read_opacity(at + strlen("d"), "d", r);
+    } else if (is_word(at, "Tr")) {
+        read_opacity(at + strlen("Tr"), "Tr", r);
     } else if (is_word(at, "map_Kd")) {
-        return read_map(at + strlen("map_Kd"), *material, m);
-    } else if (is_word(at, "map_d") || is_word(at, "disp") || is_word(at, "decal")) {
-        const int length = (int)strcspn(at, " \t");
-        if (length != 4)
-            plain_mesh_warn(m, "%.*s of the material \"%.60s\" is not read", length, at, (*material)->name);
+        warn_of_second(r, "map_Kd", &r->has_image);
+        return read_map(at + strlen("map_Kd"), r->material, r->m);
+    } else {
+        plain_textures_warn(r->m, "%.*s of the material \"%.60s\" is not read", (int)strcspn(at, " \t"), at,
+                            r->material->name);
     }
     return true;
 }
 
-static void warn_of_black(plain_mesh *m)
+/* Warns of factors that leave nothing of an image. Some programs write Tr 1 for an opaque material. */
+static void warn_of_zeros(plain_mesh *m)
 {
     const mesh_textures *t = &m->textures->all;
     for (size_t k = 0; k < t->materials; k++) {
-        const double *kd = t->material[k].factor;
-        if (t->material[k].image != MESH_TEXTURES_NONE && kd[0] == 0 && kd[1] == 0 && kd[2] == 0)
-            plain_mesh_warn(m, "Kd of the material \"%.60s\" is 0, so that its image is black",
-                            t->material[k].name);
+        const double *factor = t->material[k].factor;
+        if (factor[3] == 0)
+            plain_textures_warn(m, "the material \"%.60s\" has an opacity of 0 by its d or Tr",
+                                t->material[k].name);
+        if (t->material[k].image != MESH_TEXTURES_NONE && factor[0] == 0 && factor[1] == 0 && factor[2] == 0)
+            plain_textures_warn(m, "Kd of the material \"%.60s\" is 0, so that its image is black",
+                                t->material[k].name);
     }
 }
 
 bool plain_textures_read_mtl(const char *data, size_t size, plain_mesh *m)
 {
-    mesh_material *material = NULL;
+    reading r = {.m = m};
     const char *at = plain_mesh_text(data, size, m);
     if (!at) return false;
     while (*at) {
@@ -159,11 +213,11 @@ bool plain_textures_read_mtl(const char *data, size_t size, plain_mesh *m)
             end += 1 + strcspn(line + end + 1, "#");
         while (end > 0 && (line[end - 1] == ' ' || line[end - 1] == '\t')) end--;
         line[end] = 0;
-        const bool ok = take_line(skip_blanks(line), &material, m);
+        const bool ok = take_line(skip_blanks(line), &r);
         free(line);
         if (!ok) return false;
         at += length + (at[length] != 0);
     }
-    warn_of_black(m);
+    warn_of_zeros(m);
     return true;
 }

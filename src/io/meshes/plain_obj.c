@@ -64,21 +64,11 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
     return plain_mesh_add_vertex(out, number);
 }
 
-static bool make_room(void **items, size_t *room, size_t n, size_t size, plain_mesh *out)
-{
-    if (n <= *room) return true;
-    void *grown = realloc(*items, 2 * n * size);
-    if (!grown) return plain_mesh_refuse_memory(out);
-    *items = grown;
-    *room = 2 * n;
-    return true;
-}
-
 /* Reads the line vt: u and v; without v it is 0. */
 static bool read_coordinates(const char **at, obj_facts *facts, plain_mesh *out)
 {
     double number[2] = {0, 0};
-    if (!make_room((void **)&facts->uv, &facts->uv_room, facts->uvs + 1, sizeof *facts->uv, out))
+    if (!plain_mesh_make_room(out, (void **)&facts->uv, &facts->uv_room, facts->uvs + 1, sizeof *facts->uv))
         return false;
     for (int k = 0; k < 2 && plain_mesh_number(at, &number[k]); k++) {
     }
@@ -92,7 +82,8 @@ static bool keep_coordinates(const char *word, size_t k, obj_facts *facts, plain
     const char *slash = word + strspn(word, "-+0123456789");
     const long long count = (long long)facts->uvs, index = *slash == '/' ? strtoll(slash + 1, NULL, 10) : 0;
     const bool exists = *slash == '/' && slash[1] != '/' && index != 0 && index <= count && index >= -count;
-    if (!make_room((void **)&facts->corner, &facts->corner_room, k + 1, sizeof *facts->corner, out))
+    if (!plain_mesh_make_room(out, (void **)&facts->corner, &facts->corner_room, k + 1,
+                              sizeof *facts->corner))
         return false;
     for (int c = 0; c < 2; c++)
         facts->corner[k][c] = exists ? facts->uv[index < 0 ? count + index : index - 1][c] : (double)NAN;

@@ -35,17 +35,8 @@ typedef struct ply_textures {
     size_t room;
     double (*corner)[2];         /* of the corners of a face */
     size_t corner_room, numbers; /* numbers: of the list "texcoord" of this face */
+    size_t unknown;              /* number of faces whose texnumber is too large */
 } ply_textures;
-
-static bool grow(double (**items)[2], size_t *room, size_t n, plain_mesh *out)
-{
-    if (n <= *room) return true;
-    void *grown = realloc(*items, 2 * n * sizeof **items);
-    if (!grown) return plain_mesh_refuse_memory(out);
-    *items = grown;
-    *room = 2 * n;
-    return true;
-}
 
 /* 0: the property of vertices is u; 1: v; -1: neither. */
 static int coordinate_of(const ply_property *p)
@@ -80,7 +71,8 @@ static bool read_vertices(ply_rows *r, ply_textures *t, plain_mesh *out)
         if (!ply_rows_read(r, slot, at, NULL, NULL, NULL)) return refuse_row(r, out);
         if (!plain_mesh_add_vertex(out, at)) return false;
         if (coordinates != 3) continue;
-        if (!grow(&t->vertex, &t->room, out->vertices, out)) return false;
+        if (!plain_mesh_make_room(out, (void **)&t->vertex, &t->room, out->vertices, sizeof *t->vertex))
+            return false;
         memcpy(t->vertex[out->vertices - 1], at + 3, sizeof *t->vertex);
     }
     return true;
@@ -135,7 +127,9 @@ static bool read_polygon(const ply_property *list, face *f)
 static bool take_coordinate(void *context, size_t k, double number)
 {
     face *f = context;
-    if (!grow(&f->textures->corner, &f->textures->corner_room, k / 2 + 1, f->out)) return false;
+    if (!plain_mesh_make_room(f->out, (void **)&f->textures->corner, &f->textures->corner_room, k / 2 + 1,
+                              sizeof *f->textures->corner))
+        return false;
     f->textures->corner[k / 2][k % 2] = number;
     f->textures->numbers = k + 1;
     return true;
@@ -162,10 +156,13 @@ static bool read_face_textures(face *f, const uint32_t *corner, const char *row)
         return refuse_row(f->rows, f->out);
     f->rows->at = end;
     const bool has_own = t->numbers > 0 && t->numbers == 2 * f->corners, of_vertices = !has_own && t->vertex;
-    if (of_vertices && !grow(&t->corner, &t->corner_room, f->corners, f->out)) return false;
+    if (of_vertices &&
+        !plain_mesh_make_room(f->out, (void **)&t->corner, &t->corner_room, f->corners, sizeof *t->corner))
+        return false;
     for (size_t k = 0; of_vertices && k < f->corners; k++)
         memcpy(t->corner[k], t->vertex[corner[k]], sizeof *t->corner);
     const bool is_known = number[0] >= 0 && number[0] < (double)f->out->textures->all.materials;
+    t->unknown += !(is_known || number[0] < 0);
     return plain_textures_add_polygon(f->out, is_known ? (uint32_t)number[0] : MESH_TEXTURES_NONE,
                                       has_own || of_vertices ? (const double(*)[2])t->corner : NULL, NULL,
                                       f->corners);
@@ -232,20 +229,29 @@ static bool read_element(ply_rows *r, const ply_element *element, ply_textures *
     return pass_over(r, out);
 }
 
-/* Adds a material for each comment "TextureFile NAME" of the header. */
+static bool is_blank(char c)
+{
+    return c == ' ' || c == '\t';
+}
+
+/* Adds a material for each comment "TextureFile NAME" of the header. Blanks around the name do not belong to it. */
 static bool read_comments(const char *data, size_t body, plain_mesh *out)
 {
-    static const char mark[] = "comment TextureFile ";
+    static const char mark[] = "comment TextureFile";
     for (const char *at = data; at < data + body;) {
         const size_t length = strcspn(at, "\r\n");
-        if (length > strlen(mark) && strncmp(at, mark, strlen(mark)) == 0) {
-            char *name = strndup(at + strlen(mark), length - strlen(mark));
+        if (length > strlen(mark) && strncmp(at, mark, strlen(mark)) == 0 && is_blank(at[strlen(mark)])) {
+            const char *name = at + strlen(mark), *end = at + length;
+            while (name < end && is_blank(*name)) name++;
+            while (end > name && is_blank(end[-1])) end--;
+            char *copy = strndup(name, (size_t)(end - name));
             mesh_material m = mesh_textures_white();
             uint32_t unused;
-            const bool ok = name && plain_textures_add_image(out, name, NULL, 0, &m.image) &&
+            if (!copy) return plain_mesh_refuse_memory(out);
+            const bool ok = plain_textures_add_image(out, copy, NULL, 0, &m.image) &&
                             plain_textures_add_material(out, &m, &unused);
-            free(name);
-            if (!ok) return name ? false : plain_mesh_refuse_memory(out);
+            free(copy);
+            if (!ok) return false;
         }
         at += length + 1;
     }
@@ -272,6 +278,9 @@ bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
     free(t.vertex);
     free(t.corner);
     if (!ok) return false;
+    if (t.unknown > 0 && out->textures->all.materials > 0)
+        plain_textures_warn(
+            out, "%zu faces have a texnumber for which there is no TextureFile: they are white", t.unknown);
     if (h.layout == PLY_TEXT) r.at += strspn(r.at, " \t\r\n");
     return r.at == r.end || (h.layout == PLY_TEXT && !*r.at) ||
            plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,

@@ -2,23 +2,12 @@
 #include "io/meshes/plain_textures.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/core/reader.h"
-
-/* Makes room for n items; an array that grows doubles. */
-static bool make_room(plain_mesh *m, void **items, size_t *room, size_t n, size_t size)
-{
-    if (n <= *room) return true;
-    const size_t grown = n < 16 ? 16 : 2 * n;
-    void *moved = realloc(*items, grown * size);
-    if (!moved) return plain_mesh_refuse_memory(m);
-    *items = moved;
-    *room = grown;
-    return true;
-}
 
 static bool check_count(plain_mesh *m, size_t count, const char *what)
 {
@@ -40,8 +29,8 @@ bool plain_textures_add_material(plain_mesh *m, const mesh_material *material, u
 {
     plain_textures *t = m->textures;
     if (!check_count(m, t->all.materials, "materials") ||
-        !make_room(m, (void **)&t->all.material, &t->material_room, t->all.materials + 1,
-                   sizeof *t->all.material))
+        !plain_mesh_make_room(m, (void **)&t->all.material, &t->material_room, t->all.materials + 1,
+                              sizeof *t->all.material))
         return false;
     *index = (uint32_t)t->all.materials;
     t->all.material[t->all.materials++] = *material;
@@ -52,9 +41,15 @@ bool plain_textures_add_image(plain_mesh *m, const char *name, const void *data,
 {
     plain_textures *t = m->textures;
     const size_t room = t->image_room;
+    for (size_t k = 0; !data && k < t->all.images; k++)
+        if (!t->all.data[k] && strcmp(t->all.image[k].name, name) == 0) {
+            *index = (uint32_t)k;
+            return true;
+        }
     mesh_image image = {.bytes = data ? size : 0};
     if (!copy_name(m, name, image.name, sizeof image.name) || !check_count(m, t->all.images, "images") ||
-        !make_room(m, (void **)&t->all.image, &t->image_room, t->all.images + 1, sizeof *t->all.image))
+        !plain_mesh_make_room(m, (void **)&t->all.image, &t->image_room, t->all.images + 1,
+                              sizeof *t->all.image))
         return false;
     if (t->image_room != room) {
         unsigned char **moved = realloc(t->all.data, t->image_room * sizeof *moved);
@@ -78,10 +73,19 @@ bool plain_textures_add_library(plain_mesh *m, const char *name)
     for (size_t k = 0; k < t->all.libraries; k++)
         if (strcmp(t->all.library[k], copy) == 0) return true;
     if (!check_count(m, t->all.libraries, "files of materials") ||
-        !make_room(m, (void **)&t->all.library, &t->library_room, t->all.libraries + 1, sizeof copy))
+        !plain_mesh_make_room(m, (void **)&t->all.library, &t->library_room, t->all.libraries + 1,
+                              sizeof copy))
         return false;
     memcpy(t->all.library[t->all.libraries++], copy, sizeof copy);
     return true;
+}
+
+void plain_textures_warn(plain_mesh *m, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    plain_mesh_append(m->textures->all.warnings, sizeof m->textures->all.warnings, format, arguments);
+    va_end(arguments);
 }
 
 uint32_t plain_textures_find_material(const plain_mesh *m, const char *name)
@@ -97,7 +101,8 @@ static bool add_colors(plain_mesh *m, const float (*color)[4], size_t corners)
     plain_textures *t = m->textures;
     if (!color && !t->all.color) return true;
     const size_t first = t->all.color ? t->corners : 0;
-    if (!make_room(m, (void **)&t->all.color, &t->color_room, t->corners + corners, sizeof *t->all.color))
+    if (!plain_mesh_make_room(m, (void **)&t->all.color, &t->color_room, t->corners + corners,
+                              sizeof *t->all.color))
         return false;
     for (size_t k = first; k < t->corners + corners; k++)
         for (int c = 0; c < 4; c++)
@@ -109,9 +114,9 @@ bool plain_textures_add_polygon(plain_mesh *m, uint32_t material, const double (
                                 const float (*color)[4], size_t corners)
 {
     plain_textures *t = m->textures;
-    if (!make_room(m, (void **)&t->all.polygon_material, &t->polygon_room, t->polygons + 1,
-                   sizeof *t->all.polygon_material) ||
-        !make_room(m, (void **)&t->all.uv, &t->uv_room, t->corners + corners, sizeof *t->all.uv) ||
+    if (!plain_mesh_make_room(m, (void **)&t->all.polygon_material, &t->polygon_room, t->polygons + 1,
+                              sizeof *t->all.polygon_material) ||
+        !plain_mesh_make_room(m, (void **)&t->all.uv, &t->uv_room, t->corners + corners, sizeof *t->all.uv) ||
         !add_colors(m, color, corners))
         return false;
     for (size_t k = 0; k < corners; k++)
@@ -124,8 +129,11 @@ bool plain_textures_add_polygon(plain_mesh *m, uint32_t material, const double (
 bool plain_textures_answer(const plain_mesh *m)
 {
     const mesh_textures *t = &m->textures->all;
-    const mesh_textures_header head = {(uint32_t)t->materials, (uint32_t)t->images, (uint32_t)t->libraries,
-                                       t->color != NULL};
+    mesh_textures_header head = {.materials = (uint32_t)t->materials,
+                                 .images = (uint32_t)t->images,
+                                 .libraries = (uint32_t)t->libraries,
+                                 .has_colors = t->color != NULL};
+    memcpy(head.warnings, t->warnings, sizeof head.warnings);
     bool ok = reader_write(&head, sizeof head) &&
               reader_write(t->material, t->materials * sizeof *t->material) &&
               reader_write(t->library, t->libraries * sizeof *t->library) &&

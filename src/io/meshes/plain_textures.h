@@ -15,11 +15,14 @@ struct plain_textures {
 };
 
 /* Adds a material, an image or a library of m->textures. `data`: the bytes of an image in the file, which are copied;
- * NULL: it is a file. Names that are too long are refused. */
+ * NULL: it is a file, which is added once. Names that are too long are refused. */
 bool plain_textures_add_material(plain_mesh *m, const mesh_material *material, uint32_t *index);
 bool plain_textures_add_image(plain_mesh *m, const char *name, const void *data, size_t size,
                               uint32_t *index);
 bool plain_textures_add_library(plain_mesh *m, const char *name);
+
+/* Adds a warning about materials or images, unless there is no more room. */
+void plain_textures_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* The index of the material with this name, or MESH_TEXTURES_NONE. */
 uint32_t plain_textures_find_material(const plain_mesh *m, const char *name);
@@ -32,7 +35,7 @@ bool plain_textures_add_polygon(plain_mesh *m, uint32_t material, const double (
 /* Writes the part of the answer that has the textures. False: the other end is closed. */
 bool plain_textures_answer(const plain_mesh *m);
 
-/* Reads a file of materials (MTL) to m->textures. data[size] is 0. m->text receives warnings. */
+/* Reads a file of materials (MTL) to m->textures. data[size] is 0. */
 bool plain_textures_read_mtl(const char *data, size_t size, plain_mesh *m);
 
 #endif

@@ -2,6 +2,8 @@
 #include "job/attributes/base_color.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -22,6 +24,7 @@ typedef struct textured_mesh {
     mesh_polygons polygons;
     mesh_textures textures;
     dense_warnings warnings;
+    size_t unlisted; /* number of warnings for which `warnings` has no room */
 } textured_mesh;
 
 static void free_mesh(textured_mesh *t)
@@ -31,9 +34,31 @@ static void free_mesh(textured_mesh *t)
     mesh_textures_free(&t->textures);
 }
 
-static void warn_of_notes(textured_mesh *t, const mesh_notes *notes)
+/* Adds a warning. One of `warnings` is left for the number of unlisted ones. */
+static void warn(textured_mesh *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void warn(textured_mesh *t, const char *format, ...)
 {
-    for (size_t k = 0; k < notes->count; k++) dense_warn(&t->warnings, "%s", notes->text[k]);
+    char text[DENSE_WARNING_SIZE];
+    va_list arguments;
+    if (t->warnings.count + 1 == DENSE_WARNINGS_MOST) {
+        t->unlisted++;
+        return;
+    }
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    dense_warn(&t->warnings, "%s", text);
+}
+
+/* Adds the warnings of a file of a mesh or of materials. */
+static void warn_of_textures(textured_mesh *t, const mesh_textures *read)
+{
+    for (const char *at = read->warnings; *at; at += strspn(at, "\n")) {
+        const size_t length = strcspn(at, "\n");
+        warn(t, "%.*s", (int)length, at);
+        at += length;
+    }
 }
 
 /* ---- files beside the mesh */
@@ -120,7 +145,6 @@ static bool read_library(const attribute_request *request, const char *name, boo
                          error *e)
 {
     mesh_textures library = {0}, *to = &t->textures;
-    mesh_notes notes = {0};
     if (request->is_sent)
         return error_set(
             e, ERROR_ATTRIBUTE_MISSING,
@@ -130,10 +154,10 @@ static bool read_library(const attribute_request *request, const char *name, boo
     const int fd = open_beside(request, request->path, name, e);
     if (fd < 0) return false;
     const mesh_file file = {fd, name, NULL, request->memory_limit};
-    const bool ok = mesh_file_read_materials(&file, &library, &notes, e) || error_prefix(e, "%s", name);
+    const bool ok = mesh_file_read_materials(&file, &library, e) || error_prefix(e, "%s", name);
     close(fd);
     if (!ok) return false;
-    warn_of_notes(t, &notes);
+    warn_of_textures(t, &library);
     uint32_t *image = add_images(to, &library);
     for (size_t k = 0; k < to->materials; k++)
         for (size_t n = 0; !found[k] && n < library.materials; n++)
@@ -154,8 +178,7 @@ static bool read_libraries(const attribute_request *request, textured_mesh *t, e
         ok = read_library(request, all->library[k], found, t, e);
     for (size_t k = 0; ok && all->libraries > 0 && k < all->materials; k++)
         if (!found[k])
-            dense_warn(&t->warnings, "the material \"%.80s\" is in no file of materials: it is white",
-                       all->material[k].name);
+            warn(t, "the material \"%.80s\" is in no file of materials: it is white", all->material[k].name);
     free(found);
     return ok;
 }
@@ -171,8 +194,8 @@ static bool refuse_missing(error *e)
 static bool read_mesh(const attribute_request *request, textured_mesh *t, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
-    mesh_notes unused = {0}; /* the surface has the same notes */
-    if (!mesh_file_read_textures(&file, &t->m, &t->polygons, &t->textures, &unused, e)) return false;
+    if (!mesh_file_read_textures(&file, &t->m, &t->polygons, &t->textures, e)) return false;
+    warn_of_textures(t, &t->textures);
     const mesh_textures *all = &t->textures;
     bool is_named = false; /* materials of OBJ have a name only, until their library is read */
     for (size_t k = 0; k < all->materials; k++)
@@ -193,8 +216,8 @@ static bool is_used(const mesh_textures *t, uint32_t image)
 /* Warns of an image that is not used. */
 static void warn_of_image(textured_mesh *t, uint32_t image, const char *why)
 {
-    dense_warn(&t->warnings, "the image \"%.80s\" %.100s: the factor of its material is used alone",
-               t->textures.image[image].name, why);
+    warn(t, "the image \"%.80s\" %.100s: the factor of its material is used alone",
+         t->textures.image[image].name, why);
 }
 
 /* Opens an image. *is_there: false if it is missing, with a warning. */
@@ -242,11 +265,9 @@ static bool read_image(const attribute_request *request, uint32_t image, texture
     snprintf(why, sizeof why, "is %s, which is not read", facts->unread);
     if (*facts->unread) warn_of_image(t, image, why);
     if (facts->has_profile)
-        dense_warn(&t->warnings, "the image \"%.80s\" has a colour profile (ICC), which is not applied",
-                   file.name);
+        warn(t, "the image \"%.80s\" has a colour profile (ICC), which is not applied", file.name);
     if (facts->has_exif)
-        dense_warn(&t->warnings, "the image \"%.80s\" has EXIF data, whose orientation is not applied",
-                   file.name);
+        warn(t, "the image \"%.80s\" has EXIF data, whose orientation is not applied", file.name);
     return true;
 }
 
@@ -350,6 +371,21 @@ static bool apply_image(const attribute_request *request, uint32_t image, textur
     return true;
 }
 
+/* Warns of points whose material has an image, but whose triangle has no coordinates. */
+static void warn_of_coordinates(textured_mesh *t, const place *places, size_t count)
+{
+    size_t without = 0;
+    for (size_t i = 0; i < count; i++)
+        without += places[i].material != MESH_TEXTURES_NONE &&
+                   t->textures.material[places[i].material].image != MESH_TEXTURES_NONE &&
+                   !isfinite(places[i].uv[0] + places[i].uv[1]);
+    if (without > 0)
+        warn(t,
+             "%zu points lie on triangles that have an image, but no coordinates on it: the factor of their "
+             "material is used alone",
+             without);
+}
+
 /* Converts linear light to sRGB, and sets opacities that are 1. Returns whether the numbers are finite. */
 static bool finish(const textured_mesh *t, const place *p, double color[4])
 {
@@ -372,6 +408,9 @@ bool base_color_read(const attribute_request *request, size_t count, const vec3 
     for (uint32_t k = 0; ok && k < t.textures.images; k++)
         if (is_used(&t.textures, k)) ok = apply_image(request, k, &t, count, places, values, e);
     for (size_t i = 0; ok && i < count; i++) counts->not_finite += !finish(&t, &places[i], values + 4 * i);
+    if (ok) warn_of_coordinates(&t, places, count);
+    if (t.unlisted > 0)
+        dense_warn(&t.warnings, "%zu further warnings about materials and images are not listed", t.unlisted);
     counts->warnings = t.warnings;
     free(places);
     free_mesh(&t);
