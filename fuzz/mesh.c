@@ -3,10 +3,12 @@
  * with neither, and the judgement of its triangles on the way to a level set; and the same bytes as files
  * that this process reads itself. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "fuzz/target.h"
 #include "surface/levelset/levelset.h"
+#include "io/meshes/collada_textures.h"
 #include "io/meshes/content_end.h"
 #include "io/meshes/mesh_file.h"
 #include "io/meshes/plain_textures.h"
@@ -126,6 +128,24 @@ static void read_textures(const char *ending, const char *data, size_t size)
     mesh_textures_free(&textures.all);
 }
 
+/* A COLLADA file, whose materials have the names of those in the corpus. */
+static void read_collada(const char *data, size_t size)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    mesh_material material = mesh_textures_white();
+    uint32_t index, set[2] = {0};
+    for (int k = 0; k < 2; k++) {
+        snprintf(material.name, sizeof material.name, "paint %d", k);
+        expect(plain_textures_add_material(&m, &material, &index));
+    }
+    expect(collada_textures_read(data, size, &m, set) || *m.text);
+    for (size_t k = 0; k < textures.all.materials; k++)
+        expect(textures.all.material[k].wrap[0] < MESH_WRAPS &&
+               textures.all.material[k].wrap[1] < MESH_WRAPS);
+    mesh_textures_free(&textures.all);
+}
+
 /* What the process answers of textures, of a number of corners that the bytes have room for. */
 static void parse_textures(const uint8_t *data, size_t size)
 {
@@ -160,6 +180,7 @@ static void read_files(const uint8_t *data, size_t size)
     read_textures("glb", copy, size);
     read_textures("3mf", copy, size);
     read_textures("mtl", copy, size);
+    read_collada(copy, size);
     for (int k = 0; k < 3; k++) {
         size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
         expect(end <= size);

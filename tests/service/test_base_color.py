@@ -9,6 +9,7 @@ import numpy
 import pytest
 from scipy import ndimage
 
+import library_meshes
 import mesh_files
 import textured
 from readers import read_columns
@@ -610,6 +611,16 @@ def test_refused_images_and_meshes(carry, tmp_path):
     (tmp_path / "c.off").write_text("OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n")
     error, none, _ = carry(tmp_path / "c.off")
     assert none is None and error["code"] == "input_unsupported" and "save it as glTF" in error["message"]
+
+
+@pytest.mark.parametrize("ending", ["fbx", "x3d", "3ds", "glb"])
+def test_formats_whose_materials_are_not_read_are_refused(carry, tmp_path, ending):
+    """By assimp: FBX, X3D, 3DS, and glTF with Draco."""
+    vertices, faces, uv = textured.sphere()
+    library_meshes.WRITERS[ending](tmp_path / f"a.{ending}", [library_meshes.Part(vertices, faces)])
+    error, none, _ = carry(tmp_path / f"a.{ending}", count=100)
+    assert none is None and error["code"] == "input_unsupported"
+    assert ("Draco" if ending == "glb" else "save it as glTF, OBJ, PLY, 3MF or COLLADA") in error["message"], error
 
 
 def test_paths_of_windows_and_of_parents(carry, tmp_path):
