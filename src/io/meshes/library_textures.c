@@ -11,26 +11,17 @@
 #include "io/meshes/collada_textures.h"
 #include "io/meshes/plain_textures.h"
 
-/* Adds the image of a material's diffuse texture, if it has one. The image may be in the file, or a file. */
-static bool add_image(const struct aiScene *scene, const struct aiMaterial *from, mesh_material *material,
-                      plain_mesh *m)
+/* Adds the image of a material's diffuse texture, if it has one. The library refuses COLLADA files with images inside. */
+static bool add_image(const struct aiMaterial *from, mesh_material *material, plain_mesh *m)
 {
     struct aiString path;
     if (aiGetMaterialString(from, AI_MATKEY_TEXTURE(aiTextureType_DIFFUSE, 0), &path) != aiReturn_SUCCESS)
         return true;
-    for (unsigned k = 0; k < scene->mNumTextures; k++) {
-        const struct aiTexture *t = scene->mTextures[k];
-        if (strcmp(t->mFilename.data, path.data) != 0) continue;
-        plain_textures_warn(m,
-                            "the image of the material \"%.60s\" is inside the COLLADA file, and is not read",
-                            material->name);
-        return true;
-    }
     return plain_textures_add_image(m, path.data, NULL, 0, &material->image);
 }
 
 /* Adds a material. Its colour is 1 if it has an image. */
-static bool add_material(const struct aiScene *scene, const struct aiMaterial *from, plain_mesh *m)
+static bool add_material(const struct aiMaterial *from, plain_mesh *m)
 {
     mesh_material new = mesh_textures_white();
     struct aiString name;
@@ -45,7 +36,7 @@ static bool add_material(const struct aiScene *scene, const struct aiMaterial *f
                3 * sizeof *new.factor);
     if (aiGetMaterialFloat(from, AI_MATKEY_OPACITY, &opacity) == aiReturn_SUCCESS && opacity < 1)
         plain_textures_warn(m, "the transparency of the material \"%.60s\" is not read", new.name);
-    return add_image(scene, from, &new, m) && plain_textures_add_material(m, &new, &unused);
+    return add_image(from, &new, m) && plain_textures_add_material(m, &new, &unused);
 }
 
 /* The coordinates that the image of the mesh's material uses, or NULL. The library numbers the sets of a mesh from 0,
@@ -108,7 +99,7 @@ static bool has_no_material(const struct aiScene *scene)
 bool library_textures_read(const struct aiScene *scene, const char *data, size_t size, plain_mesh *m)
 {
     for (unsigned k = 0; k < scene->mNumMaterials && !has_no_material(scene); k++)
-        if (!add_material(scene, scene->mMaterials[k], m)) return false;
+        if (!add_material(scene->mMaterials[k], m)) return false;
     uint32_t *set = calloc(m->textures->all.materials + 1, sizeof *set);
     const bool ok = (set || plain_mesh_refuse_memory(m)) && collada_textures_read(data, size, m, set) &&
                     add_node(scene, scene->mRootNode, set, m);
