@@ -890,11 +890,11 @@ export type JobSpec = {
     /**
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
-     * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
-     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
-     * and given points with mode avoid).
+     * the name of a value of the vertices of a mesh, or base_color: the colour of its materials and images.
+     * Geometric quantities: part (the number of the part of a combined surface, from 0), direction1 or
+     * direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+     * source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+     * f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -1139,6 +1139,16 @@ export type JobSpec = {
      * needs fewer. (chunks) Default: 100000.
      */
     max_chunks?: number;
+    /**
+     * The maximum width times height of an image of a mesh (attributes: base_color). A larger one is refused
+     * before it is decoded. (pixels) Default: 268435456.
+     */
+    image_pixels?: number;
+    /**
+     * The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each
+     * takes the time of a decoding. (scans) Default: 500.
+     */
+    image_scans?: number;
     /** The maximum number of attempts if the worker crashes. (attempts) Default: 0. */
     max_attempts?: number;
   };
@@ -1258,8 +1268,8 @@ export type Surface = {
   mesh?: {
     /**
      * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
-     * read.
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
+     * for the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**
@@ -2083,11 +2093,11 @@ export type AnsweredSpec = {
     /**
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
-     * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
-     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
-     * and given points with mode avoid).
+     * the name of a value of the vertices of a mesh, or base_color: the colour of its materials and images.
+     * Geometric quantities: part (the number of the part of a combined surface, from 0), direction1 or
+     * direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+     * source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+     * f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -2315,6 +2325,16 @@ export type AnsweredSpec = {
      * needs fewer. (chunks)
      */
     max_chunks?: number;
+    /**
+     * The maximum width times height of an image of a mesh (attributes: base_color). A larger one is refused
+     * before it is decoded. (pixels)
+     */
+    image_pixels?: number;
+    /**
+     * The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each
+     * takes the time of a decoding. (scans)
+     */
+    image_scans?: number;
     /** The maximum number of attempts if the worker crashes. (attempts) */
     max_attempts?: number;
   };
@@ -2434,8 +2454,8 @@ export type AnsweredSurface = {
   mesh?: {
     /**
      * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
-     * read.
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
+     * for the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**

@@ -22,6 +22,7 @@
 #include "base/core/sandbox.h"
 #include "base/core/terminal_text.h"
 #include "base/core/worker_contract.h"
+#include "io/images/image_reader.h"
 #include "io/volumes/exr_reader.h"
 #include "io/volumes/volume_header.h"
 #include "io/volumes/tiff_reader.h"
@@ -865,9 +866,12 @@ static const reader_program *find_reader(const char *name)
         {MESH_READER_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_VALUES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_POLYGONS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_TEXTURES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_MATERIALS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {VOLUME_HEADER_COMMAND, NULL, VOLUME_HEADER_MODULE, "header_reader_main"},
         {TIFF_READER_COMMAND, NULL, TIFF_READER_MODULE, "tiff_reader_main"},
         {ZARR_READER_COMMAND, NULL, ZARR_READER_MODULE, "zarr_reader_main"},
+        {IMAGE_READER_COMMAND, NULL, IMAGE_READER_MODULE, "image_reader_main"},
         {EXR_READER_COMMAND, exr_reader_main, NULL, NULL},
         {THUMBNAIL_COMMAND, thumbnail_main, NULL, NULL}};
     for (size_t k = 0; k < sizeof programs / sizeof *programs; k++)

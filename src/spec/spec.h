@@ -329,7 +329,8 @@ typedef struct spec {
     int64_t memory_mb; /* limits; 0: the default of the service or the worker */
     double timeout_s, stall_s;
     int max_attempts;
-    int64_t max_chunks; /* maximum number of chunks of a directory that are read */
+    int64_t image_pixels, image_scans; /* limits of an image of a mesh: width times height; scans of a JPEG */
+    int64_t max_chunks;                /* maximum number of chunks of a directory that are read */
 
     int priority;
     char **labels;

@@ -118,7 +118,7 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
 
     path: The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one
         of the service's input roots, or have been sent with hexadctl upload. Other files that it names are
-        not read.
+        read for the attribute base_color only (materials and images, below the input roots).
     voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
         longest side of the mesh's bounding box. Excludes resolution. (world)
     resolution: The number of voxels along the longest side of the bounding box of the mesh: a closed mesh is
@@ -1062,11 +1062,11 @@ class AttributesItem(_AttributesItemRest):
         file in the same space; it moves with the transforms of the surface. Default: 'surface'.
     name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
-        or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
-        of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the
-        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight
-        (the quadrature weight: the sum of weight times f approximates the integral of f; excludes
-        sampling.attach and given points with mode avoid).
+        or the name of a value of the vertices of a mesh, or base_color: the colour of its materials and
+        images. Geometric quantities: part (the number of the part of a combined surface, from 0), direction1
+        or direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+        source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+        f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv
@@ -1289,6 +1289,8 @@ class _LimitsRest(TypedDict, total=False):
     timeout_s: float
     stall_s: float
     max_chunks: int
+    image_pixels: int
+    image_scans: int
     max_attempts: int
 
 
@@ -1306,6 +1308,10 @@ class Limits(_LimitsRest):
         Default: 0.
     max_chunks: The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser
         level, needs fewer. (chunks) Default: 100000.
+    image_pixels: The maximum width times height of an image of a mesh (attributes: base_color). A larger one
+        is refused before it is decoded. (pixels) Default: 268435456.
+    image_scans: The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about
+        ten; each takes the time of a decoding. (scans) Default: 500.
     max_attempts: The maximum number of attempts if the worker crashes. (attempts) Default: 0.
     """
 

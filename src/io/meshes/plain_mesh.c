@@ -8,6 +8,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "io/meshes/plain_textures.h"
+
 bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
 {
     enum { WHY_SIZE = 256 };
@@ -145,7 +147,7 @@ bool plain_mesh_reads_values(const char *ending)
     return readers[file_format_of_name(ending)].has_values;
 }
 
-/* Members of *out that begin with `keeps` are set by the caller. */
+/* Members of *out that begin with `keeps`, and textures, are set by the caller. */
 static bool read_as(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     const mesh_format *format = &readers[file_format_of_name(ending)];
@@ -154,7 +156,10 @@ static bool read_as(const char *ending, const char *data, size_t size, plain_mes
     if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
-    plain_mesh left = {.refused = out->refused, .unit = out->unit, .is_quantised = out->is_quantised};
+    plain_mesh left = {.refused = out->refused,
+                       .unit = out->unit,
+                       .is_quantised = out->is_quantised,
+                       .textures = out->textures};
     memcpy(left.text, out->text, sizeof left.text);
     plain_mesh_free(out);
     *out = left;
@@ -176,5 +181,20 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     *out = (plain_mesh){.keeps_values = true};
+    return read_as(ending, data, size, out);
+}
+
+bool plain_mesh_reads_textures(const char *ending)
+{
+    const file_format format = file_format_of_name(ending);
+    return format == FILE_FORMAT_OBJ || format == FILE_FORMAT_PLY || format == FILE_FORMAT_GLTF ||
+           format == FILE_FORMAT_3MF;
+}
+
+bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
+                              plain_mesh *out)
+{
+    *textures = (plain_textures){0};
+    *out = (plain_mesh){.keeps_polygons = true, .textures = textures};
     return read_as(ending, data, size, out);
 }

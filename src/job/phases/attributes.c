@@ -72,7 +72,10 @@ static void place_beside(const spec_surface *s, double m[3][4])
 /* Opens a file that another file refers to, relative to that file. */
 static int open_beside(void *context, const char *path, error *e)
 {
-    return source_open_file(context, path, e);
+    source *from = context;
+    const int fd = source_open_file(from, path, e);
+    from->lacks_file |= fd < 0;
+    return fd;
 }
 
 static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
@@ -195,6 +198,10 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
     if (!open_file(a, s, from, entry, e)) return false;
     r->memory_limit = entry->stack.memory_limit = memory_limit;
+    char sent[STORE_INPUT_NAME_SIZE];
+    r->is_sent = r->path && sent_file_match(r->path, sent);
+    r->image_pixels = (uint64_t)s->image_pixels;
+    r->image_scans = (uint64_t)s->image_scans;
     r->name = a->name;
     r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
     if (r->has_kind) r->kind = kinds[a->type];

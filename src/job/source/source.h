@@ -68,6 +68,7 @@ typedef struct source {
     const source_arrays *arrays; /* inputs in memory, or NULL; they are not among `inputs` */
     source_input *inputs;        /* in the order of the first opening */
     size_t input_count;
+    bool lacks_file;    /* a file that an input names could not be opened: a later job may find it */
     bool hashes_beside; /* during source_open: a file is hashed while it is read */
     late_hash *hash;    /* unfinished hash of the last input; or NULL */
 } source;

@@ -84,7 +84,8 @@ static void put_number(json *o, const char *key, int64_t number)
     json_put_string(o, key, text);
 }
 
-/* Adds the identity by which the daemon detects whether the path still refers to the file that was read. */
+/* Adds the identity by which the daemon detects whether the path still refers to the file that was read. Without it,
+ * the result is not used again. */
 static void put_identity(json *o, const source_input *input)
 {
     const store_identity *id = &input->identity;
@@ -107,6 +108,6 @@ void source_describe(const source *s, json *report, json *members, json *warning
         json_put_string(input, "path", s->inputs[k].path);
         json_put_integer(input, "bytes", (int64_t)s->inputs[k].facts.bytes);
         json_put_string(input, "sha256", s->inputs[k].facts.sha256);
-        put_identity(input, &s->inputs[k]);
+        if (!s->lacks_file) put_identity(input, &s->inputs[k]);
     }
 }
