@@ -12,6 +12,8 @@ typedef struct obj_facts {
     const char *text;  /* the text of the file, before continued lines are joined */
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
+    size_t cut;        /* vertices with a word that is not a number behind x y z */
+    size_t empty;      /* faces without corners */
     size_t words;      /* number of unknown words */
     char unknown[32];  /* the first unknown word */
 } obj_facts;
@@ -41,12 +43,12 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         count++;
     const bool has_word = !is_end(**at) && count < 7;
     if (count < 3 && has_word)
-        return plain_mesh_refuse_line(
+        return plain_mesh_refuse_at(
             out, facts->text, facts->text + (line - data),
             "of the OBJ file has \"%.*s\" in place of a number. Write numbers with a decimal point.",
             (int)strcspn(*at, " \t\r\n"), *at);
     if (count < 3 || (count == 5 && !has_word) || (count == 7 && !is_end(**at)))
-        return plain_mesh_refuse_line(
+        return plain_mesh_refuse_at(
             out, facts->text, facts->text + (line - data),
             "of the OBJ file is a vertex of %zu%s numbers. Write three, four with a weight, or six or seven with a colour.",
             count, count == 7 ? " and more" : "");
@@ -54,6 +56,7 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         for (int k = 0; k < 3; k++) number[k] /= number[3];
         facts->weighted++;
     }
+    facts->cut += has_word;
     return plain_mesh_add_vertex(out, number);
 }
 
@@ -70,19 +73,20 @@ static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
     return strchr(" \t\r\n#", **at) && index <= count && index != 0 && index >= -count;
 }
 
-static bool read_face(const char *data, const char **at, const obj_facts *facts, plain_mesh *out)
+static bool read_face(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     size_t count = 0;
     for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
         const char *word = *at;
         if (!plain_mesh_expect_corners(out, count + 1)) return false;
         if (!read_corner(at, out, &out->corner[count]))
-            return plain_mesh_refuse_line(
+            return plain_mesh_refuse_at(
                 out, facts->text, facts->text + (word - data),
                 "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. Write vertices before faces.",
                 (int)strcspn(word, " \t\r\n"), word, out->vertices);
         count++;
     }
+    facts->empty += count == 0;
     return count == 0 || plain_mesh_add_polygon(out, out->corner, count);
 }
 
@@ -188,6 +192,13 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     if (facts.weighted > 0)
         plain_mesh_warn(out, "%zu vertices have a weight w: their coordinates are divided by it",
                         facts.weighted);
+    if (facts.cut > 0)
+        plain_mesh_warn(
+            out,
+            "%zu vertices have a word that is not a number behind their coordinates: the rest of the "
+            "line is skipped",
+            facts.cut);
+    if (facts.empty > 0) plain_mesh_warn(out, "%zu faces have no corners: they are skipped", facts.empty);
     if (*facts.unknown)
         plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
     return true;
