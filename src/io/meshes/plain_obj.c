@@ -102,13 +102,15 @@ static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
 {
     static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
     static const char *const passed[] = {
-        "f",          "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",
-        "usemtl",     "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",
-        "shadow_obj", "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm",
-        "trim",       "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
+        "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",   "usemtl",
+        "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",  "shadow_obj",
+        "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm", "trim",
+        "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
     const size_t word = strcspn(line, " \t\r\n#");
     if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return;
-    if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
+    if (word == 1 && *line == 'f') {
+        facts->empty++;
+    } else if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
         out->others++;
     } else if (is_one_of(line, word, forms, sizeof forms / sizeof *forms)) {
         facts->free_forms++;
