@@ -732,7 +732,7 @@ def painted_vtp(rng):
     array = text[text.index("<DataArray", second):text.index("</PointData>", second)]
     yield from painted("map.vtp", text, [*found, *arrays[0::4]], structures=[
         ("array of PointData", "twice, the same", text[:second] + text[second:].replace(array, 2 * array)),
-        ("array of PointData", "twice, the first is another", text.replace(array, array.replace("2", "3") + array)),
+        ("array of PointData", "twice, the first is another", text.replace(array, array.replace(">2", ">3") + array)),
         ("array of PointData", "of piece 1 only", text.replace(text[text.index("<PointData"):text.index("</PointData>") + 12], "", 1)),
         ("array of PointData", "of piece 0 only", text.replace(text[second:text.index("</PointData>", second) + 12], "", 1))])
 

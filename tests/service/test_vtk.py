@@ -290,6 +290,13 @@ def test_a_piece_without_the_values_of_another_is_refused(mesh_reader, tmp_path)
     assert 'piece 1 of the VTK file has no values "s" of 1 components, which piece 0 has' in mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
 
 
+def test_values_that_a_piece_has_twice_are_refused(mesh_reader, tmp_path):
+    pieces = [(POINTS, {"Polys": POLYS}), (POINTS + 5, {"Polys": POLYS})]
+    write_xml(tmp_path / "v.vtp", pieces, values=[{"s": numpy.arange(5.0)}, {"s": numpy.arange(5.0), "t": numpy.arange(5.0)}])
+    (tmp_path / "v.vtp").write_bytes((tmp_path / "v.vtp").read_bytes().replace(b'"t"', b'"s"'))
+    assert 'piece 1 of the VTK file has the values "s" twice' in mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
+
+
 def test_values_of_one_name_are_refused(solve, tmp_path):
     write_legacy(tmp_path / "v.vtk", POINTS, {"POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]},
                  behind=VALUES + b"SCALARS s float\nLOOKUP_TABLE default\n9 8 7 6 5\n")

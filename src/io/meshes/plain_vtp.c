@@ -598,8 +598,14 @@ static bool add_all_values(vtp *v)
             return false;
         for (size_t n = first; to && n < v->piece_count; n++) {
             const piece *p = &v->pieces[n];
-            size_t own = 0;
+            size_t own = 0, named = 0;
             if (p->count[POINTS] == 0) continue;
+            for (size_t m = 0; m < p->value_count; m++)
+                named += strcmp(p->values[m].name, of_first->name) == 0;
+            if (n > first && named > 1)
+                return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                                         "piece %zu of the VTK file has the values \"%.40s\" twice", n,
+                                         of_first->name);
             while (own < p->value_count && (strcmp(p->values[own].name, of_first->name) != 0 ||
                                             p->values[own].components != of_first->components))
                 own++;
