@@ -1187,7 +1187,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. Of a mesh: the "
          "name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an array of the "
-         "points of a VTK file, or color."},
+         "points of a VTK or GIfTI file, or color."},
     {.pointer = MEMBER("/sampling/grid", "component"),
      .title = "Component of the value",
      .type = SPEC_TYPE_INTEGER,

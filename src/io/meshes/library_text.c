@@ -217,9 +217,9 @@ static bool check_array(const char *data, const char *line, plain_mesh *m)
     for (at = values; (at = memchr(at, ',', (size_t)(last - at))); at++) count++;
     if (values + strspn(values, " \t\r\n") == last) count = 0;
     return count == declared ||
-           plain_mesh_refuse_line(m, data, line,
-                                  "of the FBX file has an array that declares %zu numbers and has %zu",
-                                  declared, count);
+           plain_mesh_refuse_at(m, data, line,
+                                "of the FBX file has an array that declares %zu numbers and has %zu",
+                                declared, count);
 }
 
 /* Refuses text in which a list of properties has one of them twice, or an array that is not what it declares. */
@@ -236,9 +236,9 @@ static bool check_fbx(const char *data, plain_mesh *m)
         }
         const size_t length = strcspn(name, "\"\n");
         if (name[length] == '"' && is_there(first, at, name, length))
-            return plain_mesh_refuse_line(m, data, at,
-                                          "of the FBX file has the property \"%.*s\" for the second time",
-                                          (int)(length < 60 ? length : 60), name);
+            return plain_mesh_refuse_at(m, data, at,
+                                        "of the FBX file has the property \"%.*s\" for the second time",
+                                        (int)(length < 60 ? length : 60), name);
     }
     return true;
 }

@@ -252,14 +252,23 @@ void mesh_values_free(mesh_values *values)
 bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e)
 {
     char list[600] = "";
-    for (*which = 0; *which < values->count; ++*which)
-        if (name && strcmp(values->head[*which].name, name) == 0) return true;
+    size_t found = 0;
+    for (size_t k = 0; k < values->count; k++)
+        if (name && strcmp(values->head[k].name, name) == 0) {
+            *which = k;
+            found++;
+        }
+    if (found > 1)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the mesh has %zu values with the name \"%s\": rename one of them", found, name);
+    if (found == 1) return true;
     for (size_t k = 0; k < values->count; k++) {
         size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", values->head[k].name);
     }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s", name ? name : "",
-                     *list ? list : "none (its vertices have positions only)");
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s%s",
+                     name ? name : "", *list ? list : "none (its vertices have positions only)",
+                     values->count == MESH_VALUES_MOST ? ", which are the first ones of the file" : "");
 }
 
 static void note_lines(mesh_notes *notes, char *text)
@@ -374,26 +383,32 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
     return ok;
 }
 
+static void note_header(mesh_notes *notes, const mesh_reader_header *header)
+{
+    if (header->others)
+        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
+                  (unsigned long long)header->others);
+    mesh_check_note_crossed(notes, header->crossed);
+    if (header->end)
+        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
+                  (unsigned long long)header->end);
+}
+
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
     if (!read_file(file, &header, out, notes, NULL, NULL, NULL, e)) return false;
-    if (header.others)
-        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
-                  (unsigned long long)header.others);
-    mesh_check_note_crossed(notes, header.crossed);
-    if (header.end)
-        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
-                  (unsigned long long)header.end);
+    note_header(notes, &header);
     return true;
 }
 
-bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e)
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
     mesh_values read = {0};
-    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
-    if (read_file(file, &header, out, &unused, &read, NULL, NULL, e)) {
+    mesh_notes unused = {0};
+    if (read_file(file, &header, out, notes ? notes : &unused, &read, NULL, NULL, e)) {
+        if (notes) note_header(notes, &header);
         *values = read;
         return true;
     }

@@ -38,14 +38,17 @@ typedef struct mesh_values {
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Files other than VTK are read by assimp. Therefore their vertices can
- * differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them.
- * There are no notes. The format GIfTI, and glTF files with quantised positions, are
- * input_unsupported. *out and *values are unchanged on failure; free both after success. */
-bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
+/* mesh_file_read, and the attributes. Files other than VTK and GIfTI are read by assimp. Therefore their vertices
+ * can differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them. OBJ,
+ * PLY, STL and OFF files are refused as by mesh_file_read. Values of parts that do not have them are NaN. `notes`:
+ * NULL if mesh_file_read adds the same ones. glTF files with quantised positions are input_unsupported. *out and
+ * *values are unchanged on failure; free both after success. */
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes,
+                           error *e);
 void mesh_values_free(mesh_values *values);
 
-/* Finds the array with this name, or NULL for none. Error: attribute_missing, with the names that there are. */
+/* Finds the array with this name, or NULL for none. Errors: attribute_missing, with the names that there are;
+ * input_unsupported (several arrays have the name). */
 bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e);
 
 /* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is

@@ -257,11 +257,11 @@ static void color_at(const walk *w, const struct aiMesh *mesh, const values *v, 
     if (!v->has_opacity) out[3] = 1;
 }
 
-/* The value of vertex n; zeros if this mesh of the scene does not have the attribute. */
+/* The value of vertex n; NaN if this mesh of the scene does not have the attribute. */
 static void value_at(const walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v,
                      unsigned n, float out[MESH_VALUES_COMPONENTS])
 {
-    memset(out, 0, MESH_VALUES_COMPONENTS * sizeof *out);
+    for (int k = 0; k < MESH_VALUES_COMPONENTS; k++) out[k] = mesh_has(mesh, v) ? 0 : NAN;
     if (!mesh_has(mesh, v)) return;
     if (v->what == OF_COLOR) {
         color_at(w, mesh, v, n, out);
@@ -329,6 +329,18 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
     for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
 }
 
+/* Removes the attributes that have the name of a property. Returns the number of those left. */
+static uint32_t remove_named(values *list, uint32_t count, const ply_values *own)
+{
+    uint32_t left = 0;
+    for (uint32_t k = 0; k < count; k++) {
+        bool is_own = false;
+        for (uint32_t n = 0; n < own->count; n++) is_own |= strcmp(own->name[n], list[k].head.name) == 0;
+        if (!is_own) list[left++] = list[k];
+    }
+    return left;
+}
+
 /* Writes the attributes of the scene, and those properties of a PLY file that the library does not read
  * (`own`). */
 static void answer_values(walk *w, const ply_values *own)
@@ -337,7 +349,10 @@ static void answer_values(walk *w, const ply_values *own)
     uint32_t count = list_values(w->scene, list), more = 0;
     struct aiMatrix4x4 identity;
     aiIdentityMatrix4(&identity);
-    if (own->vertices == w->header.vertices) more = own->count;
+    if (own->vertices == w->header.vertices) {
+        more = own->count;
+        count = remove_named(list, count, own);
+    }
     if (more > MESH_VALUES_MOST - count) more = MESH_VALUES_MOST - count;
     const uint32_t all = count + more;
     w->failed |= fwrite(&all, sizeof all, 1, stdout) != 1;
@@ -591,9 +606,11 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
         _exit(answer_fault(plain->refused, plain->text));
 }
 
-/* Writes the answer for a format that the library does not read. If the reader refuses the file, it is read
- * again: without the data after the declared content, and with triangle strips converted to triangles. */
-static int answer_only_reader(const char *ending, addition also, bytes *b)
+/* Reads a format that the library does not read, and writes the answer. If `warnings` is not NULL, a file that is
+ * read has no answer, and its warnings are added to *warnings. If the reader refuses the file, it is read again:
+ * without the data after the declared content, and with triangle strips converted to triangles. Returns the exit
+ * status, or -1: there is no answer. */
+static int answer_only_reader(const char *ending, addition also, plain_mesh *warnings, bytes *b)
 {
     plain_mesh m;
     size_t end = 0;
@@ -604,6 +621,14 @@ static int answer_only_reader(const char *ending, addition also, bytes *b)
         end = cut_end(ending, b);
         expand_strips(ending, b);
         read = (b->size != whole.size || b->data != whole.data) && read_plain(ending, b, also, &m);
+    }
+    if (read && warnings) {
+        if (*m.text) plain_mesh_warn(warnings, "%s", m.text);
+        if (end)
+            plain_mesh_warn(
+                warnings, "the file has other data after its mesh, from byte %zu on: they are not read", end);
+        plain_mesh_free(&m);
+        return -1;
     }
     if (read) return answer_plain(&m, end);
     if ((foreign = foreign_format(ending, b->data, b->size)))
@@ -624,10 +649,6 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
                           : strcmp(argv[0], MESH_TEXTURES_COMMAND) == 0 ? TEXTURES
                                                                         : NOTHING;
     const file_format format = file_format_of_name(argv[1]);
-    if (also == VALUES && file_formats[format].positions_only)
-        return answer_fault(
-            ERROR_INPUT_UNSUPPORTED,
-            "the values of the vertices of such files are not read: save it as PLY for attributes");
     if (also == TEXTURES && !plain_mesh_reads_textures(argv[1]) && format != FILE_FORMAT_COLLADA)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
@@ -635,8 +656,12 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
             "with its textures");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
-    if (also == VALUES ? plain_mesh_reads_values(argv[1]) : plain_mesh_is_only_reader(argv[1]))
-        _exit(answer_only_reader(argv[1], also, &b));
+    if (plain_mesh_is_only_reader(argv[1])) {
+        /* the library reads the values of some formats, and numbers up to their comma */
+        const bool is_left = also == VALUES && !plain_mesh_reads_values(argv[1]);
+        const int status = answer_only_reader(argv[1], also, is_left ? &plain : NULL, &b);
+        if (status >= 0) _exit(status);
+    }
     try_plain(argv[1], &b, also, &plain);
     /* readers refuse files with more data */
     const size_t whole = b.size, end = cut_end(argv[1], &b);

@@ -44,7 +44,7 @@ enum { MESH_VALUES_MOST = 64, MESH_VALUES_NAME_SIZE = 64, MESH_VALUES_COMPONENTS
 
 typedef enum mesh_values_kind {
     MESH_VALUES_NUMBER,
-    MESH_VALUES_WHOLE, /* an integer label (material, group), equal at all corners of a triangle */
+    MESH_VALUES_WHOLE, /* an integer label (material, group): that of the nearest corner */
     MESH_VALUES_NORMAL,
     MESH_VALUES_COLOR,
     MESH_VALUES_UV,

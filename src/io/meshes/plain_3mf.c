@@ -107,6 +107,9 @@ static bool read_bytes(package *p, const char *path, char **out, size_t *length)
     case ZIP_ENTRY_MISSING:
         return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
                                  "the 3MF file is damaged: its part %.200s is missing", path);
+    case ZIP_ENTRY_TWICE:
+        return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
+                                 "the 3MF file is damaged: its part %.200s is there twice", path);
     case ZIP_ENTRY_NO_MEMORY:
         return plain_mesh_refuse_memory(p->out);
     default:

@@ -10,17 +10,19 @@
 
 #include "io/meshes/plain_textures.h"
 
-bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+bool plain_mesh_refuse_at(plain_mesh *m, const char *data, const char *at, const char *format, ...)
 {
     enum { WHY_SIZE = 256 };
     char why[WHY_SIZE];
     size_t line = 1;
     va_list arguments;
-    for (const char *p = data; p < at; p++) line += *p == '\n' || (*p == '\r' && p[1] != '\n');
+    for (const char *p = data; p < at && !m->is_binary; p++)
+        line += *p == '\n' || (*p == '\r' && p[1] != '\n');
     va_start(arguments, format);
     vsnprintf(why, sizeof why, format, arguments);
     va_end(arguments);
-    return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED, "line %zu %s", line, why);
+    return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED, "%s %zu %s", m->is_binary ? "byte" : "line",
+                             m->is_binary ? (size_t)(at - data) : line, why);
 }
 
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m)
@@ -121,16 +123,17 @@ typedef struct mesh_format {
     bool has_values;     /* values of the vertices are read */
 } mesh_format;
 
-static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
-                                                  [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
-                                                  [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
-                                                  [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
-                                                  [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
-                                                  [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
-                                                  [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
-                                                  [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
-                                                  [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true},
-                                                  [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
+static const mesh_format readers[FILE_FORMATS] = {
+    [FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
+    [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
+    [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
+    [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
+    [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
+    [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
+    [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
+    [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
+    [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true, true},
+    [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
 
 bool plain_mesh_reads(file_format format)
 {

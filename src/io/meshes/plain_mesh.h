@@ -39,6 +39,7 @@ typedef struct plain_mesh {
     /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
+    bool is_binary;        /* places in messages are bytes, not lines */
     bool is_quantised;     /* glTF: the coordinates are integers, which the library does not read */
     bool has_hidden_nodes; /* nodes that are not in `vertex`, and that the library places */
     bool keeps_polygons;   /* the polygons of the file are kept, in addition to the triangles */
@@ -64,7 +65,7 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 /* As plain_mesh_read, and keeps the values of the vertices. Requires plain_mesh_reads_values. */
 bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether this module reads the values of the vertices of files with this extension: VTK. */
+/* Whether this module reads the values of the vertices of files with this extension: VTK and GIfTI. */
 bool plain_mesh_reads_values(const char *ending);
 
 /* As plain_mesh_read_polygons, and reads the textures of OBJ, PLY, glTF and 3MF to *textures, which need not be
@@ -106,8 +107,8 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Refuses a text as damaged: "line 12 ...", of the line at `at`. */
-bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+/* Refuses the file as damaged at the place `at`: "line 12 ...", or "byte 12 ..." if m->is_binary. */
+bool plain_mesh_refuse_at(plain_mesh *m, const char *data, const char *at, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
 /* Refuses the file with limit_memory. Returns false. */

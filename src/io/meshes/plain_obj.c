@@ -13,6 +13,8 @@ typedef struct obj_facts {
     const char *text;  /* the text of the file, before continued lines are joined */
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
+    size_t cut;        /* vertices with a word that is not a number behind x y z */
+    size_t empty;      /* faces without corners */
     size_t words;      /* number of unknown words */
     char unknown[32];  /* the first unknown word */
     /* if textures are read */
@@ -48,12 +50,12 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         count++;
     const bool has_word = !is_end(**at) && count < 7;
     if (count < 3 && has_word)
-        return plain_mesh_refuse_line(
+        return plain_mesh_refuse_at(
             out, facts->text, facts->text + (line - data),
             "of the OBJ file has \"%.*s\" in place of a number. Write numbers with a decimal point.",
             (int)strcspn(*at, " \t\r\n"), *at);
     if (count < 3 || (count == 5 && !has_word) || (count == 7 && !is_end(**at)))
-        return plain_mesh_refuse_line(
+        return plain_mesh_refuse_at(
             out, facts->text, facts->text + (line - data),
             "of the OBJ file is a vertex of %zu%s numbers. Write three, four with a weight, or six or seven with a colour.",
             count, count == 7 ? " and more" : "");
@@ -61,6 +63,7 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         for (int k = 0; k < 3; k++) number[k] /= number[3];
         facts->weighted++;
     }
+    facts->cut += has_word;
     return plain_mesh_add_vertex(out, number);
 }
 
@@ -155,13 +158,14 @@ static bool read_face(const char *data, const char **at, obj_facts *facts, plain
         const char *word = *at;
         if (!plain_mesh_expect_corners(out, count + 1)) return false;
         if (!read_corner(at, out, &out->corner[count]))
-            return plain_mesh_refuse_line(
+            return plain_mesh_refuse_at(
                 out, facts->text, facts->text + (word - data),
                 "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. Write vertices before faces.",
                 (int)strcspn(word, " \t\r\n"), word, out->vertices);
         if (out->textures && !keep_coordinates(word, count, facts, out)) return false;
         count++;
     }
+    facts->empty += count == 0;
     return count == 0 ||
            (plain_mesh_add_polygon(out, out->corner, count) &&
             (!out->textures || plain_textures_add_polygon(out, facts->material,
@@ -180,13 +184,15 @@ static void take_line(const char *line, obj_facts *facts, plain_mesh *out)
 {
     static const char *const elements[] = {"p", "l"}, *const forms[] = {"curv", "surf"};
     static const char *const passed[] = {
-        "f",          "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",
-        "usemtl",     "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",
-        "shadow_obj", "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm",
-        "trim",       "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
+        "vn",        "vt",     "vp",     "g",     "o",        "s",        "mg",   "usemtl",
+        "mtllib",    "maplib", "usemap", "bevel", "c_interp", "d_interp", "lod",  "shadow_obj",
+        "trace_obj", "cstype", "deg",    "bmat",  "step",     "curv2",    "parm", "trim",
+        "hole",      "scrv",   "sp",     "end",   "con",      "ctech",    "stech"};
     const size_t word = strcspn(line, " \t\r\n#");
     if (word == 0 || is_one_of(line, word, passed, sizeof passed / sizeof *passed)) return;
-    if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
+    if (word == 1 && *line == 'f') {
+        facts->empty++;
+    } else if (is_one_of(line, word, elements, sizeof elements / sizeof *elements)) {
         out->others++;
     } else if (is_one_of(line, word, forms, sizeof forms / sizeof *forms)) {
         facts->free_forms++;
@@ -273,6 +279,13 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     if (facts.weighted > 0)
         plain_mesh_warn(out, "%zu vertices have a weight w: their coordinates are divided by it",
                         facts.weighted);
+    if (facts.cut > 0)
+        plain_mesh_warn(
+            out,
+            "%zu vertices have a word that is not a number behind their coordinates: the rest of the "
+            "line is skipped",
+            facts.cut);
+    if (facts.empty > 0) plain_mesh_warn(out, "%zu faces have no corners: they are skipped", facts.empty);
     if (*facts.unknown)
         plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
     return true;

@@ -14,13 +14,10 @@
 static bool refuse_row(const ply_rows *r, plain_mesh *out)
 {
     if (!r->fault) return false;
-    if (r->layout == PLY_TEXT)
-        return plain_mesh_refuse_line(out, r->data, r->at,
-                                      "of the PLY file, row %llu of its element \"%s\", %s. Save it again.",
-                                      (unsigned long long)r->row, r->element->name, r->fault);
-    return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
-                             "row %llu of the element \"%s\" of the PLY file %s. Save it again.",
-                             (unsigned long long)r->row, r->element->name, r->fault);
+    out->is_binary = r->layout != PLY_TEXT;
+    return plain_mesh_refuse_at(out, r->data, r->at,
+                                "of the PLY file, row %llu of its element \"%s\", %s. Save it again.",
+                                (unsigned long long)r->row, r->element->name, r->fault);
 }
 
 /* The number of rows to reserve memory for: 0 for text, whose rows have no fixed size. */
@@ -266,7 +263,7 @@ bool plain_mesh_read_ply(const char *data, size_t size, plain_mesh *out)
             return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                      "the file does not begin with \"ply\", as PLY files do. Check that its "
                                      "ending names its format.");
-        return plain_mesh_refuse_line(
+        return plain_mesh_refuse_at(
             out, data, data + h.fault,
             "of the header of the PLY file is unknown, is there twice, or is where the file ends. Save it again.");
     }

@@ -62,6 +62,7 @@ typedef struct source {
     placement *turned;
     vec3 origin;                 /* of the sampled space, for a mesh far from the origin */
     map *map;                    /* sampling.grid, or NULL */
+    mesh_notes map_notes;        /* on a mesh of the map that is in another file than the surface */
     region *region;              /* surface.region, or NULL */
     struct creased *creased;     /* the whole surface as patches, if features are requested; or NULL */
     const store_roots *roots;    /* of input files, or NULL; used during source_open */
