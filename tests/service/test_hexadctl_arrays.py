@@ -254,6 +254,37 @@ def test_several_files_and_the_files_of_a_pattern_are_uploaded(run, tmp_path):
     assert done.returncode == 2 and done.stdout.split() == [paths[0]]
 
 
+@pytest.mark.sanitized
+def test_uploads_are_listed_and_deleted(run, service, tmp_path):
+    def rows():
+        """The rows of the table by name, without the title and the ages."""
+        return {row[0]: (row[1], row[4:-1], row[-1]) for row in (re.split(r"  +", line) for line in
+                                                                run("uploads").stdout.splitlines()[1:])}
+
+    for i, name in enumerate(("c.obj", "d.nii.gz", "two.obj")):
+        (tmp_path / name).write_bytes(b"%d" % i * (3 << 19))
+    paths = run("upload", "c.obj", "d.nii.gz", "two.obj").stdout.split()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "two.obj").write_text("another")
+    paths += run("upload", "other/two.obj").stdout.split()
+    listed = rows()
+    assert listed["c.obj"] == ("1.5 MiB", ["0"], paths[0]) and listed["d.nii.gz"] == ("1.5 MiB", ["0"], paths[1])
+    document = json.loads(run("uploads", "--json").stdout)
+    assert {entry["name"] for entry in document["inputs"]} >= {"c.obj", "d.nii.gz", "two.obj"}
+    # by path, with or without the extension, and by name
+    done = run("delete-upload", paths[0], "d.nii.gz", paths[2].partition(":")[2].removesuffix(".obj"))
+    assert done.returncode == 0 and done.stdout.splitlines()[:2] == [f"{paths[0]} deleted", "d.nii.gz deleted"], done.stderr
+    listed = rows()
+    assert "c.obj" not in listed and "d.nii.gz" not in listed and listed["two.obj"] == ("7 B", ["0"], paths[3])
+    assert run("upload", "two.obj").stdout.split() == [paths[2]]
+    done = run("delete-upload", "two.obj")
+    assert done.returncode == 2 and "the name of 2 uploads: give a path" in done.stderr
+    assert all(path in done.stderr for path in paths[2:]) and rows().keys() >= {"two.obj"}
+    for gone in ("c.obj", paths[0]):
+        done = run("delete-upload", gone)
+        assert done.returncode == 4 and gone.removeprefix("sha256:")[:60] in done.stderr, done.stderr
+
+
 def test_specs_are_checked_and_estimated(run, service, tmp_path):
     (tmp_path / "spec.json").write_text(json.dumps(sphere(count=1000)))
     done = run("validate", "spec.json")

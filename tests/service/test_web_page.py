@@ -4,6 +4,7 @@
 All tests share one browser. Most tests share one daemon, or one daemon whose worker waits for the test.
 """
 import datetime
+import hashlib
 import json
 import signal
 import socket
@@ -1105,6 +1106,32 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     browser.wait_text("area", ".inspection")
     assert f"{root}/shots/cube.obj" in browser.text("#json", "value")
     browser.wait_text("Memory", ".estimate")
+
+
+def test_uploads_are_chosen_and_deleted(closed_service, browser):
+    secret = sign_in(browser, closed_service, "frank")
+    for name, text in (("a.obj", CUBE), ("b.obj", CUBE + "# b\n")):
+        where = f"/v1/inputs/{hashlib.sha256(text.encode()).hexdigest()}?name={name}"
+        assert closed_service.request("PUT", where, text.encode(), {"Authorization": f"Bearer {secret}"}).status == 201
+    browser.press("New job", "header")
+    browser.one(".uploads summary").click()
+    wait_until(lambda: sorted(browser.texts(".uploads td.name button")) == ["a.obj", "b.obj"], "the uploads")
+    browser.press("a.obj", ".uploads")
+    browser.wait_text("area", ".inspection")
+    path = json.loads(browser.text("#json", "value"))["surface"]["mesh"]["path"]
+    assert path == f"sha256:{hashlib.sha256(CUBE.encode()).hexdigest()}.obj"
+    browser.wait_text("Memory", ".estimate")
+    job = with_token(closed_service, secret, "POST", "/v1/jobs", json.loads(browser.text("#json", "value")) | {"name": "own"}).json["id"]
+    wait_until(lambda: with_token(closed_service, secret, "GET", f"/v1/jobs/{job}").json["state"] == "succeeded", "the end")
+    browser.one(".uploads summary").click()
+    wait_until(lambda: not browser.all(".uploads table"), "the list to close")
+    browser.one(".uploads summary").click()
+    browser.wait_text("1 job", ".uploads tbody")
+    browser.one("[aria-label='Delete a.obj']").click()
+    assert browser.driver.switch_to.alert.text == "Delete the upload a.obj?"
+    browser.driver.switch_to.alert.accept()
+    wait_until(lambda: browser.texts(".uploads td.name button") == ["b.obj"], "the row to go")
+    assert [upload["name"] for upload in with_token(closed_service, secret, "GET", "/v1/inputs").json["inputs"]] == ["b.obj"]
 
 
 def test_a_sequence_of_files_is_one_row(new_service, browser, tmp_path):
