@@ -89,6 +89,9 @@ static const char usage[] =
     "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
     "                    numbers, into one NumPy file instead: positions (frames, points, 3), the other\n"
     "                    attributes, names, and missing: the frames without results\n"
+    "  fetch --label LABEL [--owner USER] [--output DIR]\n"
+    "                    download all your jobs with this label, or those of USER, into DIR or ./LABEL: each\n"
+    "                    into a directory with its name, or with its ID if several jobs have this name\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
@@ -177,7 +180,7 @@ static const struct entry {
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, JOB, "--frame --output --stack"},
+    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --stack --label --owner"},
     {"log", command_log, JOB, "--frame --attempt"},
     {"pause", command_pause, JOB, ""},
     {"resume", command_resume, JOB, ""},

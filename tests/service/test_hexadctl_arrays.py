@@ -127,6 +127,56 @@ def test_some_frames_are_fetched(run_finished, finished, tmp_path):
 
 
 @pytest.mark.sanitized
+def test_all_jobs_with_a_label_are_fetched(run, service, tmp_path):
+    def submit(name, label="shot=010", radius=1.0, **queue):
+        job = service.submit(sphere(count=100, name=name, queue={"labels": [label], **queue},
+                                    surface={"analytic": {"shape": "sphere", "radius": radius}}))
+        service.wait_state(job, "succeeded")
+        return job
+
+    ball, first, second, slash = submit("ball"), submit("twice"), submit("twice", radius=2.0), submit("a/b")
+    frames = submit("frames", frames="1-2", by_frame={"/surface/analytic/radius": [1, 1.1]})
+    submit("other", label="shot=020")
+    done = run("fetch", "--label", "shot=010")
+    assert done.returncode == 0 and "5 of 5 jobs are fetched to shot=010\n" in done.stderr, done.stderr
+    # by name, or by id if the name is that of several jobs or is no name of a file
+    where = tmp_path / "shot=010"
+    assert {path.name for path in where.iterdir()} == {"ball", first, second, slash, "frames"}
+    assert {path.name for path in (where / "frames").iterdir()} == {"1", "2"}
+    for job, name in ((ball, "ball"), (first, first), (second, second), (slash, slash)):
+        for listed in service.get(f"/v1/jobs/{job}/results").json["results"]:
+            assert hashlib.sha256((where / name / listed["name"]).read_bytes()).hexdigest() == listed["sha256"]
+    # with --json, one document
+    done = run("fetch", "--label", "shot=010", "--json", "--output", "deep/er")
+    told = json.loads(done.stdout)
+    assert done.returncode == 0
+    assert {entry["job"]: entry["directory"] for entry in told["jobs"]} == {
+        ball: "deep/er/ball", first: f"deep/er/{first}", second: f"deep/er/{second}", slash: f"deep/er/{slash}", frames: "deep/er/frames"}
+    for words in (("fetch",), ("fetch", ball, "--label", "x"), ("fetch", ball, "--owner", "x"), ("fetch", "--label", "x", "--frame", "1"),
+                  ("fetch", "--label", "a/b")):
+        assert run(*words).returncode == 2, words
+    done = run("fetch", "--label", "none")
+    assert done.returncode == 4 and "no jobs with the label none" in done.stderr
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_job_with_a_label_that_has_no_results_is_named(new_service, build, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+    run = runner(service, build, tmp_path)
+    first, second, cancelled = (service.submit(sphere(count=100, name=name, queue={"labels": ["x"]})) for name in ("first", "second", "third"))
+    service.open_gate(first)
+    service.wait_state(first, "succeeded")
+    service.post(f"/v1/jobs/{cancelled}/cancel")
+    done = run("fetch", "--label", "x")
+    assert done.returncode == 4 and "1 of 3 jobs are fetched to x\n" in done.stderr, done.stderr
+    assert re.search(f"{second} second has not ended: (running|queued). Fetch again later\n", done.stderr), done.stderr
+    assert f"{cancelled} third has no results: cancelled" in done.stderr
+    assert [path.name for path in (tmp_path / "x").iterdir()] == ["first"]
+    service.open_gate(second)
+    service.wait_state(second, "succeeded")
+
+
+@pytest.mark.sanitized
 def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
     service, job = finished, finished.failed
     words = [build / "hexadctl", "fetch", job]
