@@ -746,10 +746,11 @@ def test_tables_of_a_job_fit_a_narrow_screen(service, narrow):
     hidden = dict(narrow.run("""return [...document.querySelectorAll("div.scroll")].map(part =>
         [part.getAttribute("aria-label"), part.scrollWidth - part.clientWidth])"""))
     assert hidden["Files"] == hidden["Measures"] == 0, hidden
-    # of an attempt, how it ended is in sight; its host and memory need not be
+    # of an attempt, how it ended and the button for its log are in sight; its host and memory need not be
     ends = narrow.run("""return [...document.querySelectorAll("[aria-label='List of attempts'] th")].map(heading =>
         [heading.innerText, heading.getBoundingClientRect().right])""")
-    assert dict(ends)["End"] <= 390, ends
+    button = narrow.run("return document.querySelector(\"[aria-label='List of attempts'] td button\").getBoundingClientRect().right")
+    assert dict(ends)["End"] <= 390 and button <= 390, (ends, button)
     # the sentence of a measure has half of the width
     assert narrow.run("return document.querySelector('.measures .hint').offsetWidth") >= 180
 
@@ -1257,6 +1258,30 @@ def test_an_audit_finds_no_barrier(closed_service, browser, audit):
         browser.open(closed_service, where)
         browser.one(there)
         audit()
+
+
+def test_axes_of_charts_have_numbers_that_do_not_overlap(service, browser):
+    """Whatever the range of the values; scales that are not linear have no numbers of their own in some."""
+    browser.open(service)
+    found = browser.driver.execute_async_script("""
+        const done = arguments[arguments.length - 1];
+        Promise.all([import("/page/chart.js"), import("/page/uplot.js")]).then(([{optionsOf, QUANTITIES}, {default: uPlot}]) => {
+          const ranges = [[.0031, .0085], [.031, .039], [0, .004], [-.002, .07], [.002, 3], [1e-7, .3], [.5, 40], [.2, .2], [-2, 0]];
+          const plots = QUANTITIES.slice(0, 2).flatMap(quantity => ranges.filter(([low]) => quantity.key !== "rms_step" || low > 0).map(range => {
+            const place = document.body.appendChild(document.createElement("div"));
+            return [quantity.key, range, new uPlot(optionsOf(quantity, ["run"], 400), [[1, 2], range], place)];
+          }));
+          setTimeout(() => done(plots.map(([key, range, plot]) => { // plots are drawn when the script has ended
+            const {_splits: ticks, _values: texts} = plot.axes[1];
+            const shown = ticks.map((tick, i) => [tick, texts[i]]).filter(([, text]) => text !== "");
+            return [key, range, shown.map(([tick, text]) => [tick, text, plot.valToPos(tick, "y")])];
+          })));
+        }, fault => done(String(fault)));""")
+    assert len(found) > 10, found
+    for key, (low, high), shown in found:
+        places = sorted(place for _, _, place in shown)
+        assert len(shown) >= 2 and all(b - a >= 20 for a, b in zip(places, places[1:])), (key, low, high, shown)
+        assert all(float(text.replace("\u202f", "")) == tick for tick, text, _ in shown), shown
 
 
 def test_reports_of_earlier_builds_are_read(service, browser):
