@@ -186,6 +186,12 @@ export type UsageSum = {
   /** Jobs and frames that have succeeded, failed or timed out, and are not deleted. */
   results: number;
   results_limit: number | null;
+  /**
+   * Uploads, with the arrived bytes of unfinished ones. A file that several users uploaded counts for each of
+   * them, and once in `all`.
+   */
+  upload_bytes: number;
+  upload_bytes_limit: number | null;
 };
 
 export type Tokens = {
@@ -208,7 +214,10 @@ export type Usage = {
    * (results_full).
    */
   full: boolean;
-  /** Sorted by size, largest first. The limits apply to each user. */
+  /**
+   * The users with results, and the caller if it has uploads. Sorted by size of results, largest first. The
+   * limits apply to each user.
+   */
   users: UsageSum & {
     user: string;
   }[];
@@ -351,6 +360,22 @@ export type Input = {
   path: string;
   /** The name that the caller gave the file. Other users do not see it. null: none. */
   name: string | null;
+  /** When the caller sent the file first. null: the caller has not sent it, or has deleted it. */
+  sent: string | null;
+};
+
+export type InputPage = {
+  inputs: (Input & {
+    /** The last use, by any user. The file expires `inputs_keep_s` after it. */
+    used: string | null;
+    /** The newest jobs of the caller that read the file. */
+    jobs: string[];
+    /** The number of all jobs of the caller that read the file. */
+    job_count: number;
+    /** The number of those that have not ended. */
+    unfinished_count: number;
+  })[];
+  next: string | null;
 };
 
 export type FilePage = {
@@ -3167,7 +3192,10 @@ export interface Operations {
        * of these jobs; for an administrator of all jobs.
        */
       progress?: number;
-      /** 1: the events of the jobs of all users. */
+      /**
+       * 1: the events of the jobs of all users; of an upload, as an administrator: delete it for all users,
+       * at once.
+       */
       all?: number;
       /**
        * The id of the last received event: the stream continues after it. It takes precedence over the
@@ -3271,13 +3299,34 @@ export interface Operations {
     };
     answer: Input;
   };
-  /** Delete an input. Needs the scope `admin`. */
+  /**
+   * Delete an upload of the caller. The file is removed when no user holds it and no unfinished job reads it.
+   * Needs the scope `submit`.
+   */
   deleteInput: {
     parameters: {
       /** The SHA-256 of the file: 64 hexadecimal digits in lower case. */
       sha256: string;
+      /**
+       * 1: the events of the jobs of all users; of an upload, as an administrator: delete it for all users,
+       * at once.
+       */
+      all?: number;
     };
     answer: null;
+  };
+  /** List the uploads of the caller, the one that was sent last first. Needs the scope `read`. */
+  listInputs: {
+    parameters: {
+      /**
+       * The maximum number of entries of a page. A page of jobs or events examines at most 4096 entries and
+       * may be short or empty before the list ends: the list ends when `next` is null.
+       */
+      limit?: number;
+      /** `next` of the previous page; of jobs with the same `sort`. */
+      cursor?: string;
+    };
+    answer: InputPage;
   };
   /** Describe a file that jobs may read, with specs that sample it. Needs the scope `submit`. */
   inspectInput: {

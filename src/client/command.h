@@ -38,6 +38,7 @@ typedef struct command_options {
     bool accept;  /* of wait, and of others with `wait`: COMMAND_OK for an accepted outcome (queue.accept) */
     bool several; /* the command line has more than one argument */
     bool on_service; /* of sample: the argument is a path of the service */
+    bool all;        /* of delete-upload: for all users */
     command_values label;
     command_values set;                            /* of submit and sample: see spec/sample_spec.h */
     command_values depends_on;                     /* of submit: jobs, named as on the command line */
@@ -68,7 +69,7 @@ typedef struct command_options {
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_attach, command_sample, command_submit, command_validate, command_estimate, command_upload,
-    command_inspect;
+    command_uploads, command_delete_upload, command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_deliver, command_delete,

@@ -191,14 +191,15 @@ int command_workers(client *c, const char *argument, const command_options *opti
 
 static void print_usage_row(json_at row, const char *name)
 {
-    static const char *const columns[] = {"bytes", "results"};
-    for (size_t i = 0; i < 2; i++) {
+    static const char *const columns[] = {"bytes", "results", "upload_bytes"};
+    for (size_t i = 0; i < 3; i++) {
         char *limit = mem_printf("%s_limit", columns[i]);
-        double unit = i == 0 ? 1 << 20 : 1;
+        const bool is_size = i != 1;
+        double unit = is_size ? 1 << 20 : 1;
         json_at most = json_member(&row, limit);
-        printf("%10.*f", i == 0, json_number(json_member(&row, columns[i]), 0) / unit);
+        printf("%10.*f", is_size, json_number(json_member(&row, columns[i]), 0) / unit);
         if (json_type_of(most) == JSON_NUMBER)
-            printf(" of %-10.*f  ", i == 0, json_number(most, 0) / unit);
+            printf(" of %-10.*f  ", is_size, json_number(most, 0) / unit);
         else
             terminal_text_print(stdout, "    %-10s  ", "");
         free(limit);
@@ -215,7 +216,8 @@ int command_usage(client *c, const char *argument, const command_options *option
     int code = command_ask(c, "GET", "/v1/usage", NULL, &document);
     json_at root = json_root(document), list = json_member(&root, "users");
     if (code == COMMAND_OK) {
-        terminal_text_print(stdout, "%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
+        terminal_text_print(stdout, "%10s%16s%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "UPLOAD_MIB",
+                            "", "USER");
         print_usage_row(json_member(&root, "all"), "(all)");
         for (json_at row = json_first(&list); row.node; row = json_next(&row)) {
             print_usage_row(row, json_string(json_member(&row, "user"), "?"));

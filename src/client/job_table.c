@@ -58,6 +58,13 @@ static char *print_span(int64_t ms, char *text, size_t size)
     return text;
 }
 
+char *job_table_new_age(json_at object, const char *key)
+{
+    char text[24];
+    const int64_t at = time_of(object, key);
+    return mem_strdup(at ? print_span(clock_wall_ms() - at, text, sizeof text) : "-");
+}
+
 /* Prints the duration of an object from its start to its end or to now; "-" if it has not started. */
 static char *print_duration(json_at object, char *text, size_t size)
 {

@@ -103,7 +103,7 @@ static const char help_text[] =
     "  --frames FRAMES    sample: the frames of a sequence, such as 1-100, with FILE a pattern such as a.####.obj: its\n"
     "                     first frame is inspected, and --frame N is sampled\n"
     "  --name NAME        sample: the name of the job (default: that of FILE)\n"
-    "  --progress         a progress bar on standard error (sample: by default, if that is a terminal)\n"
+    "  --progress         a progress bar on standard error (sample, inspect: by default, if that is a terminal)\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
     "                     without its directory; may be given several times\n"
@@ -681,6 +681,18 @@ static bool show_inspection(const arguments *a, json *inspection, error *e)
     return ok;
 }
 
+/* Makes the inspection. If `shows`, a line on standard error names the file until the inspection ends. */
+static json *inspect_shown(const char *path, const run_options *options, bool shows, error *e)
+{
+    if (shows) {
+        terminal_text_print(stderr, "inspecting %s: all of it is read", path);
+        fflush(stderr);
+    }
+    json *inspection = inspection_make(path, options, e);
+    if (shows) fputs("\r\033[K", stderr);
+    return inspection;
+}
+
 static int inspect(int argc, char **argv)
 {
     error e = {0};
@@ -699,7 +711,9 @@ static int inspect(int argc, char **argv)
                                  .progress_fd = (int)a.progress_fd,
                                  .cancel = &cancel_requested,
                                  .leave = leave};
-    ok = ok && (inspection = inspection_make(path, &options, &e)) && show_inspection(&a, inspection, &e) &&
+    const bool shows = a.progress || isatty(STDERR_FILENO) == 1;
+    ok = ok && (inspection = inspect_shown(path, &options, shows, &e)) &&
+         show_inspection(&a, inspection, &e) &&
          (!a.preview || draw_preview(inspection, &options, a.preview, &e));
     json_free(inspection);
     free(path);

@@ -56,6 +56,12 @@ static const char usage[] =
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
     "                    (or %04d, $F4) in a quoted file name matches all numbers\n"
+    "  uploads           list your uploads, the newest first: name, size, time since the upload and the last\n"
+    "                    use, number of your jobs that read it, and path for use in a spec\n"
+    "  delete-upload FILE... [--all]\n"
+    "                    delete uploads of yours; FILE is a path that upload printed, or the name of the file\n"
+    "                    if only one upload has it. Jobs that have not ended can still read the file. --all:\n"
+    "                    as an administrator, delete it for all users at once; jobs that read it then fail\n"
     "  inspect PATH      describe a file that jobs may read, and print specs that sample it; PATH is written\n"
     "                    as in a spec\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
@@ -83,6 +89,9 @@ static const char usage[] =
     "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
     "                    numbers, into one NumPy file instead: positions (frames, points, 3), the other\n"
     "                    attributes, names, and missing: the frames without results\n"
+    "  fetch --label LABEL [--owner USER] [--output DIR]\n"
+    "                    download all your jobs with this label, or those of USER, into DIR or ./LABEL: each\n"
+    "                    into a directory with its name, or with its ID if several jobs have this name\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
@@ -100,7 +109,8 @@ static const char usage[] =
     "  watch [ID]        print the events of a job as lines of JSON until it ends; without ID, the new\n"
     "                    events of all your jobs (as an administrator, of all users)\n"
     "  workers           list the running attempts, the limits, and why jobs wait\n"
-    "  usage             print the disk space of results, in total and for each user, and the bounds\n"
+    "  usage             print the disk space of results and of uploads, in total and for each user, and the\n"
+    "                    bounds\n"
     "  drain, undrain    drain: accept and start no jobs; undrain: accept and start jobs again\n"
     "  hold, release     hold: accept jobs but start none, also after a restart; release: start jobs again\n"
     "  token add USER [--scopes LIST] [--max-priority N] [--file FILE]\n"
@@ -162,13 +172,15 @@ static const struct entry {
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},
+    {"uploads", command_uploads, NONE, ""},
+    {"delete-upload", command_delete_upload, FILES, "--all"},
     {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
     {"show", command_show, JOB, "--picture"},
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, JOB, "--frame --output --stack"},
+    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --stack --label --owner"},
     {"log", command_log, JOB, "--frame --attempt"},
     {"pause", command_pause, JOB, ""},
     {"resume", command_resume, JOB, ""},
@@ -222,8 +234,8 @@ static const struct {
 static const struct {
     const char *name;
     size_t offset;
-} flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes),
-             OPTION("accept", accept), OPTION("on-service", on_service)};
+} flags[] = {OPTION("wait", wait),     OPTION("dependents", dependents), OPTION("yes", yes),
+             OPTION("accept", accept), OPTION("on-service", on_service), OPTION("all", all)};
 
 typedef struct line {
     const struct entry *entry;

@@ -182,7 +182,14 @@ def test_files_are_sent(client, tmp_path, monkeypatch):
     assert client.inspect(path)["mesh"]
     spec = {"surface": {"mesh": {"path": path, "resolution": 32}}, "sampling": {"count": 200}, "output": {"preview": False}}
     assert client.estimate(spec)["count"] == 200
-    assert client.submit(spec, wait=True).points().count == 200
+    job = client.submit(spec, wait=True)
+    assert job.points().count == 200
+    upload = next(upload for upload in client.uploads() if upload["name"] == "würfel.obj")
+    assert path.startswith(upload["path"]) and upload["bytes"] == len(CUBE_OBJ) and upload["jobs"] == [job.id]
+    client.delete_upload(path)
+    assert upload["sha256"] not in [other["sha256"] for other in client.uploads()]
+    with pytest.raises(problems.NotFound):
+        client.delete_upload(path)
 
 
 @pytest.mark.sanitized
