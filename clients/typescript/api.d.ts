@@ -682,7 +682,7 @@ export type JobSpec = {
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
        * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
-       * array of the points of a VTK file, or color.
+       * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;
       /**
@@ -1897,7 +1897,7 @@ export type AnsweredSpec = {
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
        * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
-       * array of the points of a VTK file, or color.
+       * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;
       /**
