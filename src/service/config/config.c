@@ -213,7 +213,7 @@ static bool read_file(config *c, const char *path, error *e)
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
     if (!s.file) {
         const int fault = errno;
-        char *why = denial_explain(path, fault, DENIAL_READ, ". Check --config.");
+        char *why = denial_explain(path, fault, DENIAL_SETTINGS, ". Check --config.");
         error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s%s", path, strerror(fault),
                   why);
         free(why);
