@@ -123,6 +123,20 @@ def test_a_directory_of_results_that_is_denied_is_in_the_log_with_the_command_th
         f"chown -R 60003:60003 {results}" in line
 
 
+def test_a_check_of_settings_finds_directories_that_deny_what_a_start_needs(start_as_user):
+    place = start_as_user.place
+    closed = place / "closed"
+    closed.mkdir(mode=0o755)
+    for word, value, message in (
+            ("--work_dir", closed, f"work_dir: cannot write to {closed}: Permission denied: {closed} {ROOTS} 0755, and it must belong to the user 60003"),
+            ("--work_dir", closed / "a/b", f"work_dir: cannot write to {closed}/a/b: Permission denied: {closed} {ROOTS} 0755, and the user 60003 must"),
+            ("--port_file", closed / "port", f"port_file: cannot create {closed}/port: the directory {closed}: Permission denied: choose a directory"),
+            ("--listen", f"unix:{closed}/socket", f"listen unix:{closed}/socket: Permission denied: the user 60003 cannot create a socket in {closed}:")):
+        told = run_as_user(start_as_user, "--check-settings", "--strict", word, value, statuses=(1,))
+        assert f"hexad would not start: {message}" in told, told
+        assert message in run_as_user(start_as_user, word, value)
+
+
 OWN = "has the owner 60003, the group 60003 and the mode"
 
 
