@@ -522,22 +522,43 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
         assert told.returncode == 3 and "directory" in told.stderr and "start hexad" not in told.stderr
 
 
-def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
-    told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
-    assert told.returncode == 3 and "start hexad" in told.stderr and "`hexad --state_dir DIR &`" in told.stderr
+RESET = "`systemctl reset-failed hexad.service hexad.socket`"
 
 
-def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):
+def with_units(tmp_path, installed):
+    """The environment of a machine where systemd has the units of hexad, or not."""
+    units = tmp_path / "units"
+    units.mkdir()
+    if installed:
+        (units / "hexad.socket").touch()
+    return {**os.environ, "SYSTEMD_UNIT_PATH": f"{tmp_path}/none:{units}"}
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path, installed):
+    told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], env=with_units(tmp_path, installed),
+                          capture_output=True, text=True)
+    assert told.returncode == 3 and "start hexad" in told.stderr
+    for words in "`systemctl start hexad.socket hexad.service`", "`journalctl -u hexad -n 20`", RESET:
+        assert (words in told.stderr) == installed, told.stderr
+    for words in "`hexad --state_dir DIR &`", "install the package hexad":
+        assert (words in told.stderr) != installed, told.stderr
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path, installed):
     """systemd listens, does not answer for a service that fails, then closes the socket."""
     where = tmp_path / "hexad.sock"
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(where))
         listening.listen()
-        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], stderr=subprocess.PIPE, text=True)
+        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], env=with_units(tmp_path, installed),
+                                   stderr=subprocess.PIPE, text=True)
         accepted, _ = listening.accept()
         assert accepted.recv(1)
         accepted.close()
     told = waiting.communicate(timeout=PATIENCE_S)[1]
-    assert waiting.returncode == 3 and "Connection reset by peer" in told, told
+    assert waiting.returncode == 3 and "Connection reset by peer: hexad ended" in told, told
+    assert ("`journalctl -u hexad -n 20` says why" in told) == installed and (RESET in told) == installed, told
     after = subprocess.run([build / "hexadctl", "--server", f"unix:{where}", "list"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert after.returncode == 3 and "cannot connect (Connection refused): start hexad" in after.stderr
