@@ -379,6 +379,29 @@ static bool place_sockets(service *s, error *e)
     return ok;
 }
 
+static void append_name(char **list, const char *name)
+{
+    char *longer = mem_printf("%s%s%s", *list, **list ? ", " : "", name);
+    free(*list);
+    *list = longer;
+}
+
+/* With sockets of systemd, the setting listen has no effect. */
+static void warn_of_ignored_addresses(const service *s)
+{
+    const config_list *given = &s->settings.listen;
+    char *ignored = mem_strdup(""), *served = mem_strdup("");
+    for (size_t k = 0; k < given->count; k++) append_name(&ignored, given->item[k]);
+    for (size_t k = 0; k < s->socket_count; k++) append_name(&served, s->sockets[k].address);
+    log_write(LOG_LEVEL_WARNING,
+              "listen = %s is ignored: systemd opens the sockets, %s. Remove this setting. For a port, run "
+              "`hexad --open-port USER`, or set ListenStream= and IPAddressAllow= in "
+              "/etc/systemd/system/hexad.socket.d/tcp.conf (\"The web page\" in doc/operations.md)",
+              ignored, served);
+    free(ignored);
+    free(served);
+}
+
 static bool init_sockets(service *s, error *e)
 {
     const config_list *given = &s->settings.listen;
@@ -390,12 +413,7 @@ static bool init_sockets(service *s, error *e)
         ok = listen_adopt(first + (int)k, &s->sockets[k], e);
         s->socket_count += ok;
     }
-    if (ok && passed && given->count)
-        log_write(
-            LOG_LEVEL_WARNING,
-            "listen = %s is ignored: systemd passed the socket %s; the drop-in tcp.conf of hexad.socket opens a "
-            "TCP port (see doc/systemd.md)",
-            given->item[0], s->sockets[0].address);
+    if (ok && passed && given->count) warn_of_ignored_addresses(s);
     if (!passed && !given->count) ok = open_socket(s, "unix:", e);
     for (size_t k = 0; ok && !passed && k < given->count; k++) ok = open_socket(s, given->item[k], e);
     if (!ok) fini_sockets(s);
