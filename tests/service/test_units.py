@@ -89,12 +89,13 @@ def test_times_agree(units, build):
                                                           (None, False, False, False)])
 def test_an_installation_with_a_port_and_without_tokens_says_what_to_do(source, tmp_path, listens, token, active, told):
     """As after a purge that left a drop-in of the administrator."""
-    units, programs = tmp_path / "etc/systemd/system/hexad.socket.d", tmp_path / "bin"
-    for directory in units, programs, tmp_path / "etc/hexad", tmp_path / "run/systemd/system":
+    units = tmp_path.joinpath("etc", "systemd", "system", "hexad.socket.d")
+    programs, settings = tmp_path / "bin", tmp_path.joinpath("etc", "hexad")
+    for directory in units, programs, settings, tmp_path.joinpath("run", "systemd", "system"):
         directory.mkdir(parents=True)
     if listens:
         (units / "tcp.conf").write_text(f"[Socket]\nListenStream={listens}\n")
-    (tmp_path / "etc/hexad/tokens").write_text("token\n" if token else "")
+    (settings / "tokens").write_text("token\n" if token else "")
     (programs / "systemctl").write_text(f"#!/bin/sh\nexit {0 if active else 3}\n")
     (programs / "systemctl").chmod(0o755)
     script = (source / "debian/hexad.postinst").read_text()
