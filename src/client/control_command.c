@@ -9,6 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "client/command.h"
+#include "client/job_table.h"
 #include "client/print.h"
 
 /* Posts a command for one job. On success *document is the job; the caller frees it. */
@@ -176,12 +177,11 @@ int command_workers(client *c, const char *argument, const command_options *opti
                json_number(json_member(&load, "threads_limit"), 0),
                json_number(json_member(&load, "memory_mb"), 0),
                json_number(json_member(&load, "memory_mb_limit"), 0));
-        for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker)) {
-            terminal_text_put(stdout, json_string(json_member(&worker, "job"), "?"));
-            printf("  attempt %.0f  ", json_number(json_member(&worker, "attempt"), 0));
-            terminal_text_put(stdout, json_string(json_member(&worker, "owner"), "?"));
-            putchar('\n');
-        }
+        table t = job_table_new_workers();
+        for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker))
+            job_table_add_worker(&t, worker);
+        if (json_first(&list).node) table_print(&t);
+        table_clear(&t);
         command_print_user_limits(document, NULL, stdout);
         command_explain_waiting(c, stdout);
     }

@@ -291,3 +291,20 @@ void job_table_print(json_at job, json_at dependents)
     print_notes(stdout, json_member(&job, "notes"));
     print_attempts(job);
 }
+
+table job_table_new_workers(void)
+{
+    static const char *const titles[] = {"JOB", "ATTEMPT", "USER", "NAME", "HOST", "THREADS", "MEMORY"};
+    return table_new(titles, sizeof titles / sizeof *titles);
+}
+
+void job_table_add_worker(table *t, json_at worker)
+{
+    table_add(t, mem_strdup(text_of(worker, "job", "?")));
+    table_add(t, mem_printf("%.0f", number_of(worker, "attempt")));
+    table_add(t, mem_strdup(text_of(worker, "owner", "?")));
+    table_add(t, mem_strdup(name_of(worker)));
+    table_add(t, mem_strdup(text_of(worker, "host", "-")));
+    table_add(t, mem_printf("%.0f", number_of(worker, "threads")));
+    table_add(t, mem_printf("%.0f MiB", number_of(worker, "memory_mb")));
+}

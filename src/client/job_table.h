@@ -26,4 +26,8 @@ void job_table_print_identity(json_at job, FILE *file);
  * or no value. */
 void job_table_print(json_at job, json_at dependents);
 
+/* The running attempts of the service (GET /v1/workers). */
+table job_table_new_workers(void);
+void job_table_add_worker(table *t, json_at worker);
+
 #endif
