@@ -46,10 +46,8 @@ bool directory_check_usable(const char *setting, const char *path, error *e)
     if (fault == ENOENT && lstat(path, &link) != 0) /* a symbolic link without a target cannot be created */
         fault = fault_of_creation(path);
     if (!fault) return true;
-    char *why = denial_explain(path, fault, DENIAL_OWN,
-                               fault == EROFS ? ": under systemd, name the directory in ReadWritePaths= "
-                                                "(`systemctl edit hexad.service`)"
-                                              : ": choose another directory");
+    char *why = fault == EROFS ? denial_describe_read_only(path)
+                               : denial_explain(path, fault, DENIAL_OWN, ": choose another directory");
     error_set(e, ERROR_INTERNAL, "%s: cannot write to %s: %s%s", setting, path, strerror(fault), why);
     free(why);
     return false;

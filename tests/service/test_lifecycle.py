@@ -158,6 +158,7 @@ def test_deaths_of_the_daemon_do_not_count(new_service, tmp_path):
         service.wait_worker(job)
         task, = service.get(f"/v1/jobs/{job}/tasks").json["tasks"]
         assert (task["attempt"], task["spent"], task["interrupted"]) == (2 + kills, 2, kills)
+        assert re.search(r"attempt ended .* code=interrupted$", service.log.read_text(), re.M), "the code has no message"
     service.open_gate(job)
     done = service.wait_state(job, "succeeded")
     assert [a["reason"] for a in done["attempts"]][1:] == ["the daemon ended during the attempt"] * 2 + \
@@ -471,6 +472,14 @@ def test_a_check_of_settings_and_a_start_agree(build, tmp_path, name):
     for text in told.stdout + told.stderr, begun.stderr:
         assert message.format(root=tmp_path) in text, text
     assert "no faults" not in told.stdout
+
+
+def test_a_start_that_creates_the_queue_says_so_once(new_service):
+    service = new_service().start()
+    assert service.log.read_text().count(f" info a new queue is created in {service.state}\n") == 1
+    service.end()
+    service.start()
+    assert "new queue" not in service.log.read_text()
 
 
 def test_a_check_of_settings_counts_its_warnings(build, tmp_path):

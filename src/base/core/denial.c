@@ -186,6 +186,15 @@ char *denial_describe_directory_of_user(const char *path, const char *user)
         path, own.user, own.user, own.group, path, user, user, path);
 }
 
+char *denial_describe_read_only(const char *directory)
+{
+    return mem_printf(
+        ". If the disk itself can be written, permit the service of systemd to write: run `systemctl edit "
+        "hexad.service` as root, add the lines [Service] and ReadWritePaths=%s, and run `systemctl restart "
+        "hexad.service`",
+        directory);
+}
+
 char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise)
 {
     if (fault != EACCES && fault != EPERM) return mem_strdup(otherwise);
