@@ -229,6 +229,18 @@ int command_usage(client *c, const char *argument, const command_options *option
     return code;
 }
 
+/* Whether /readyz has this state of a part of the service. */
+static bool is_in_state(client *c, const char *part, const char *state)
+{
+    error e = {0};
+    client_reply reply = {0};
+    const bool answered = client_call(c, "GET", "/readyz", NULL, 0, &reply, &e);
+    json_at root = json_root(reply.document), checks = json_member(&root, "checks");
+    const bool is = answered && strcmp(json_string(json_member(&checks, part), ""), state) == 0;
+    client_reply_clear(&reply);
+    return is;
+}
+
 /* Begins or ends a drain or a hold of the service. `ended`: the state after the end; NULL: it begins. */
 static int change_service(client *c, const char *path, const char *ended, const command_options *options)
 {
@@ -263,11 +275,17 @@ int command_hold(client *c, const char *argument, const command_options *options
 int command_release(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/release", "the hold is ended", options);
+    const bool held = options->json || is_in_state(c, "queue", "held");
+    return change_service(c, "/v1/admin/release", held ? "the hold is ended" : "the queue was not held",
+                          options);
 }
 
 int command_undrain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/resume", "the drain is ended: the service accepts jobs", options);
+    const bool drained = options->json || is_in_state(c, "jobs", "draining");
+    return change_service(c, "/v1/admin/resume",
+                          drained ? "the drain is ended: the service accepts jobs"
+                                  : "the service was not drained: it accepts jobs",
+                          options);
 }

@@ -505,9 +505,10 @@ def test_the_client_does_all_that(new_service, tmp_path):
     assert control(service, "delete", second)[0] == 0
     assert control(service, "show", second)[0] == 4
     code, out, _ = control(service, "drain")
-    assert code == 0 and out.startswith("1 attempt runs\n") and "drained the service" in out and service.get("/readyz").status == 503
+    assert code == 0 and out.startswith("1 attempt runs\n") and "accepts no jobs until it is restarted: run hexadctl undrain\n" in out and service.get("/readyz").status == 503
     code, out, _ = control(service, "undrain")
     assert code == 0 and out.startswith("the drain is ended: the service accepts jobs\n1 attempt runs\n") and service.get("/readyz").status == 200
+    assert control(service, "undrain")[1] == "the service was not drained: it accepts jobs\n1 attempt runs\n"
     service.open_gate(first)
     code, out, _ = control(service, "watch", first)
     events = [json.loads(line) for line in out.splitlines()]

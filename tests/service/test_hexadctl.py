@@ -452,6 +452,7 @@ def test_prefixes_and_latest_name_jobs_of_the_caller(as_user, tmp_path):
     assert as_user("alice", "show", first[:20]).stdout.startswith(first)
     refused = as_user("alice", "show", other[:20])  # a job of bob's
     assert refused.returncode == 4 and f"the user alice has no job {other[:20]}" in refused.stderr
+    assert '"hexadctl list --name NAME" prints the IDs of the jobs of all users' in refused.stderr
     assert as_user("alice", "show", other).returncode == 0  # its whole id names it
     refused = as_user("alice", "show", first[:7])
     assert refused.returncode == 4 and "first 8 characters" in refused.stderr

@@ -31,10 +31,11 @@ static void look_at_jobs(const http_context *c, finding *f)
     if (executor_takes_jobs(c->x)) return;
     f->state = "draining";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail,
-             executor_is_draining(c->x)
-                 ? "the service is stopping and accepts no jobs"
-                 : "an administrator drained the service, which accepts no jobs: run hexadctl undrain");
+    snprintf(
+        f->detail, sizeof f->detail,
+        executor_is_draining(c->x)
+            ? "the service is stopping and accepts no jobs"
+            : "an administrator drained the service, which accepts no jobs until it is restarted: run hexadctl undrain");
 }
 
 /* A held queue does not prevent the service from accepting jobs. */
