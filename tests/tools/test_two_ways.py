@@ -3,11 +3,13 @@
 import pathlib
 import sys
 
+import numpy
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "measurements" / "measures"))
 
 import two_ways  # noqa: E402
+from volumes import write_nrrd  # noqa: E402
 
 pytestmark = pytest.mark.extended  # measuring programs, not the service
 
@@ -30,6 +32,24 @@ def test_the_degrees_of_points_on_a_torus_add_up_to_its_euler_characteristic(bui
     assert found, why
     assert found["certain"]["euler"] == pytest.approx(0, abs=1e-9)
     assert found["exact"]["euler"] == pytest.approx(0, abs=1e-9)
+
+
+def distance_from_circle(voxels, circle, radius):
+    """In voxels, from a torus; with a circle of radius 0 from a sphere."""
+    axis = numpy.arange(voxels) - (voxels - 1) / 2
+    x, y, z = numpy.meshgrid(axis, axis, axis, indexing="ij")
+    return (numpy.hypot(numpy.hypot(x, y) - circle, z) - radius).astype("f4")
+
+
+@pytest.mark.parametrize("voxels, circle, radius, count, euler", [(9, 0, 2.7, 20000, 2), (14, 3.6, 1.8, 5000, 0), (14, 3.6, 1.8, 20000, 0)])
+def test_grid_cells_larger_than_the_spacing_have_the_areas_of_the_surface(build, tmp_path, voxels, circle, radius, count, euler):
+    path = tmp_path / "volume.nrrd"
+    write_nrrd(path, distance_from_circle(voxels, circle, radius))
+    found, why = two_ways.measured(build / "hexad-two-ways", {"volume": {"path": str(path), "isovalue": 0}}, {"count": count}, tmp_path)
+    assert found, why
+    assert found["certain_share"] > 0.99
+    assert not two_ways.faults(found, count, False)
+    assert found["exact"]["euler"] == pytest.approx(euler, abs=1e-9)
 
 
 def test_a_difference_beyond_its_bound_is_named():
