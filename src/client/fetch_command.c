@@ -378,6 +378,10 @@ static int fetch_array(client *c, fetching *f, json_at job)
     int code = fetch_tasks(c, f);
     progress_bar_clear(&f->bar);
     if (code == COMMAND_OK && f->stack && !stack_write(f->stack, &e)) code = print_failure("%s", e.message);
+    if (code == COMMAND_OK && f->stack && stack_ids_differ(f->stack))
+        print_failure(
+            "%s: row k is not the same point in each frame: match rows by id, or use hexadctl attach",
+            f->options->stack);
     int sum = sum_up(f);
     json_free(f->frames);
     free(f->wanted);
