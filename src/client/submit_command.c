@@ -421,9 +421,11 @@ int command_upload(client *c, const char *argument, const command_options *optio
         free(path);
     }
     if (count && code == COMMAND_OK)
-        fputs("hexadctl: uploaded files cannot be the frames of one job: submit one job for each, "
-              "or put the files below an input root and write #### in the path\n",
-              stderr);
+        print_failure(
+            "to sample these files by one job, write {file} for the path and list the names in queue.files: "
+            "\"surface\": {\"%s\": {\"path\": \"{file}\"}}, \"queue\": {\"files\": [\"" STORE_INPUT_PREFIX
+            "...%s\", ...]}",
+            sample_spec_member(file_format_of_name(argument)), sample_spec_ending(argument));
     free(frame);
     return code;
 }

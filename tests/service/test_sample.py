@@ -176,6 +176,8 @@ def test_what_is_not_one_file_is_not_sent(sample, service, tmp_path):
         done = sample(word)
         assert done.returncode == 2 and told in done.stderr, done.stderr
         assert "--on-service" in done.stderr and "hexad-worker sample" in done.stderr
+    done = sample("x.####.obj", "--frames", "1-2")
+    assert done.returncode == 2 and "or send the files with hexadctl upload 'x.####.obj'" in done.stderr, done.stderr
     values = numpy.ones((4, 4, 4), numpy.float32)
     (tmp_path / "split.nhdr").write_text("\n".join(nrrd_header(values, None, "raw", "little", ["data file: split.raw"])) + "\n\n")
     (tmp_path / "split.raw").write_bytes(values.tobytes())
