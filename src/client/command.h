@@ -127,8 +127,9 @@ int command_wait_for_copy(client *c, const char *path, const command_options *op
 /* Submits a spec given as text, like command_submit. */
 int command_submit_text(client *c, const char *spec, const command_options *options);
 
-/* Posts a spec given as text, without waiting. On success *job is the job, which the caller frees. */
-int command_post_text(client *c, const char *spec, const command_options *options, json **job);
+/* Posts a spec given as text, without waiting. `final`: its inputs cannot change, so it is not submitted if they are
+ * found to have a fault. On success *job is the job, which the caller frees. */
+int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job);
 
 /* Whether the service has the file with this hash from this user. */
 bool command_knows_file(client *c, const char *hex);

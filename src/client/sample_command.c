@@ -106,7 +106,7 @@ static sample_options wanted_of(const command_options *options)
                             .set_count = options->set.count};
 }
 
-/* Asks for an inspection, again while the service is busy. If the service cannot inspect the file, or not within
+/* Asks for an inspection if one is needed, again while the service is busy. If the service cannot inspect the file, or not within
  * its time limit (setting estimate_timeout_s), the surface is the whole mesh, or the volume if the options name all
  * of the spec. */
 static int inspect(client *c, const char *in_spec, const char *path, const char *member,
@@ -114,8 +114,9 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
 {
     const sample_options wanted = wanted_of(options);
     const bool is_mesh = member && strcmp(member, "mesh") == 0,
+               has_grids = member && strcmp(member, "vdb") == 0,
                is_complete = member && sample_spec_is_complete(member, &wanted);
-    if (is_mesh && is_complete) {
+    if (member && !sample_spec_needs_inspection(member, &wanted)) {
         *inspection = sample_spec_unseen(member, in_spec);
         return COMMAND_OK;
     }
@@ -145,9 +146,11 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
             name_file(reply.document, in_spec, path);
             code = print_refused(&reply);
             if (reply.status == 503)
-                print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s",
+                print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s%s",
                               member ? ", or give --count and --set /surface/" : "", member ? member : "",
-                              member ? "/isovalue=V" : "");
+                              member ? "/isovalue=V" : "",
+                              has_grids ? ", and --set /surface/vdb/grid=NAME if the file has several grids"
+                                        : "");
         } else {
             *inspection = reply.document;
             reply.document = NULL;
@@ -236,7 +239,7 @@ int command_sample(client *c, const char *argument, const command_options *optio
         const command_options plain = {.json = options->json};
         if (!options->json) terminal_text_print(stdout, "spec: %s\n", spec);
         fflush(stdout);
-        code = command_post_text(c, spec, &plain, &job);
+        code = command_post_text(c, spec, !options->on_service, &plain, &job);
     }
     if (code == COMMAND_OK) {
         json_at root = json_root(job);

@@ -178,8 +178,9 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
-/* Posts the spec at the path, or the given text. On success the caller frees *document. */
-static int post_spec(client *c, const char *to, const char *path, const char *given,
+/* Posts the spec at the path, or the given text. `final`: its inputs cannot change, so the job is not submitted if
+ * they are found to have a fault. On success the caller frees *document. */
+static int post_spec(client *c, const char *to, const char *path, const char *given, bool final,
                      const command_options *options, json **document)
 {
     error e = {0};
@@ -190,7 +191,9 @@ static int post_spec(client *c, const char *to, const char *path, const char *gi
     char *body = has_usable_key(options) ? read_spec(path, given, options, &length) : NULL;
     if (!body) return COMMAND_USAGE;
     if (strcmp(to, JOBS) == 0) look_for_faults(c, body, length, &found);
-    if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
+    if (final && found.status == 422) {
+        code = print_refused_spec(&found, name_of(path));
+    } else if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
         code = print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, name_of(path));
@@ -212,7 +215,7 @@ static int submit(client *c, const char *from, const char *given, const command_
         print_failure("--accept requires --wait");
         return COMMAND_USAGE;
     }
-    int code = post_spec(c, JOBS, from, given, options, &document);
+    int code = post_spec(c, JOBS, from, given, false, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
     if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
@@ -245,9 +248,9 @@ int command_submit(client *c, const char *argument, const command_options *optio
     return code;
 }
 
-int command_post_text(client *c, const char *spec, const command_options *options, json **job)
+int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job)
 {
-    int code = post_spec(c, JOBS, "the spec", spec, options, job);
+    int code = post_spec(c, JOBS, "the spec", spec, final, options, job);
     if (code == COMMAND_OK) command_explain_waiting(c, stderr);
     return code;
 }
@@ -260,7 +263,7 @@ int command_submit_text(client *c, const char *spec, const command_options *opti
 int command_validate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, false, options, &document);
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
@@ -304,7 +307,7 @@ static void print_estimate(json_at document)
 int command_estimate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, false, options, &document);
     json_at root = json_root(document), estimate = json_member(&root, "estimate");
     bool known = json_type_of(estimate) == JSON_OBJECT;
     if (code == COMMAND_OK && options->json) print_document(document);

@@ -770,8 +770,9 @@ static int sample(int argc, char **argv)
         .leave = leave,
     };
     if (!(inspected = sample_spec_inspected(a.spec_path, &a.sample, &e))) goto done;
-    if (sample_spec_has_target(&a.sample) && inspection_is_of_mesh(inspected, &options)) {
-        inspection = sample_spec_unseen("mesh", inspected);
+    const char *member = inspection_member(inspected, &options);
+    if (member && !sample_spec_needs_inspection(member, &a.sample)) {
+        inspection = sample_spec_unseen(member, inspected);
     } else {
         terminal_text_print(stderr, "inspecting %s\n", inspected);
         inspection = inspection_make(inspected, &options, &e);

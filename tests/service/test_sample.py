@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from readers import read_columns
-from service import PATIENCE_S, Service
+from service import PATIENCE_S, Service, wait_until
 from volumes import Part, nrrd_header, write_exr, write_nrrd
 
 
@@ -274,6 +274,46 @@ def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
     points = positions(tmp_path / "ball.nii")
     centre = points.mean(axis=0)
     assert abs(numpy.linalg.norm(points - centre, axis=1) - 8).max() < 0.5
+
+
+def write_vdb(path, *names):
+    """Grids of a ball of radius 8 voxels, whose values fall from 1 to 0 at its surface."""
+    import pyopenvdb
+    at = numpy.mgrid[-12:13, -12:13, -12:13]
+    grids = []
+    for name in names:
+        grids.append(pyopenvdb.FloatGrid(0.0))
+        grids[-1].name = name
+        grids[-1].copyFromArray(numpy.clip(8.5 - numpy.sqrt((at ** 2).sum(0)), 0, 1), ijk=(-12, -12, -12))
+    pyopenvdb.write(str(path), grids)
+
+
+@pytest.mark.sanitized
+def test_an_isovalue_makes_the_inspection_of_a_vdb_file_unnecessary(sample, sample_alone, service, tmp_path):
+    write_vdb(tmp_path / "smoke.vdb", "density", "heat")
+    words = ("smoke.vdb", "--count", 300, "--set", "/surface/vdb/isovalue=0.5")
+    alone = json.loads(sample_alone(*words, "--output", "none", code=3).stderr.splitlines()[-1])
+    refused = sample(*words)
+    assert alone["code"] == "grid_ambiguous" and refused.returncode not in (0, 10, 11)
+    for told in (alone["message"], refused.stderr):
+        assert 'set grid to one of "density" (float), "heat" (float)' in told and "--set /surface/vdb/grid=NAME" in told, told
+        assert "inspecting" not in told
+    for done in (sample(*words, "--set", "/surface/vdb/grid=heat"), sample_alone(*words, "--set", "/surface/vdb/grid=heat", "--output", "alone")):
+        assert done.returncode == 0 and "inspecting" not in done.stderr, done.stderr
+    for directory in ("smoke", "alone"):
+        assert abs(numpy.linalg.norm(positions(tmp_path / directory), axis=1) - 8).max() < 0.2
+
+
+@pytest.mark.extended  # waits for a moment in which the service answers in 0.2 s
+def test_a_fault_of_a_sent_file_is_refused_before_the_submission(sample, service, tmp_path):
+    write_vdb(tmp_path / "smoke.vdb", "density", "heat")
+
+    def is_refused():  # unless the answer takes longer than a submission waits
+        before = jobs(service)
+        done = sample("smoke.vdb", "--count", 300, "--set", "/surface/vdb/isovalue=0.5")
+        assert done.returncode != 0 and "set grid to one of" in done.stderr, done.stderr
+        return jobs(service) == before
+    wait_until(is_refused, "a refusal")
 
 
 def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service):
