@@ -30,6 +30,7 @@ static const char usage[] =
     "\n"
     "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
     "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
+    "       [--accept]\n"
     "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
     "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
     ") into DIR,\n"
@@ -37,7 +38,8 @@ static const char usage[] =
     "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
     "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
-    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
+    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected;\n"
+    "                    --accept: as of wait\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"
@@ -165,7 +167,7 @@ static const struct entry {
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
     {"sample", command_sample, ONE,
-     "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
+     "--on-service --count --spacing --grade --pattern --set --frames --name --output --accept"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --files --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
