@@ -34,6 +34,7 @@ static int end_wait(client *c, const json *document, const command_options *opti
         print_document(document);
     else
         print_job(job);
+    print_size(stderr, "", json_member(&job, "notes"));
     print_ratings(stderr, "packing: ", json_member(&job, "notes"));
     print_notes(stderr, json_member(&job, "notes"));
     int code = command_print_frame_outcomes(c, job, stderr);

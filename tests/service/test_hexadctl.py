@@ -205,6 +205,10 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
         assert f"outcome: {reason['message']}\n" in told and f" {100 * reason['value']:.3g} % " in reason["message"]
         assert f"warning: {notes['warnings'][0]}\n" in told and f"advice: {notes['advice'][0]['message']}\n" in told
     rated = notes["ratings"]["hex_fraction"]
+    found = service.get(f"/v1/jobs/{job['id']}/results/report.json").json
+    size = f"100 points, spacing {found['spacing']:.3g}\n"
+    assert notes["count"] == found["count"] == 100 and notes["spacing"] == found["spacing"]
+    assert f"  points    {size}" in shown and f"\n{size}" in "\n" + done.stderr
     packing = f"hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv "
     assert f"  packing   {packing}" in shown and f"packing: {packing}" in done.stderr
     spec = write(tmp_path, {**json.loads(open(spec).read()), "sampling": {"count": count}})

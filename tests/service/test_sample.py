@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a file to points by one command: hexadctl sample, with a service, and hexad-worker sample, without one."""
 import json
+import re
 import subprocess
 
 import numpy
@@ -254,7 +255,7 @@ def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, t
     assert sample(*words).returncode == 0
     done = sample_alone(*words, "--output", "alone")
     first, second, last = done.stdout.splitlines()
-    assert second.startswith("700 points, converged, ") and last == "the points are in alone/points.ply"
+    assert re.match(r"700 points, spacing 0\.\d+, converged, ", second) and last == "the points are in alone/points.ply"
     spec = spec_of(tmp_path / "alone")
     assert first == f"spec: {json.dumps(spec, separators=(',', ':'))}" and "\r" not in done.stderr  # no bar: it is no terminal
     assert spec["surface"]["vdb"].pop("path") == "tube.vdb"
