@@ -155,7 +155,7 @@ void print_size(FILE *file, const char *title, json_at notes)
 {
     json_at count = json_member(&notes, "count"), spacing = json_member(&notes, "spacing");
     if (json_type_of(count) != JSON_NUMBER) return;
-    fprintf(file, "%s%.0f points", title, json_number(count, 0));
+    terminal_text_print(file, "%s%.0f points", title, json_number(count, 0));
     if (json_type_of(spacing) == JSON_NUMBER) fprintf(file, ", spacing %.3g", json_number(spacing, 0));
     fputc('\n', file);
 }
