@@ -55,7 +55,9 @@ typedef struct command_options {
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
-    const char *output;  /* of fetch and sample: a directory; NULL: the job's id, or the stem of the file */
+    const char *called;  /* the job as the command line names it */
+    const char
+        *output; /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
     const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
     const char *file;    /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the picture to; NULL: none */

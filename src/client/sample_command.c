@@ -3,6 +3,7 @@
  * for a spec that samples it, submits a job, waits for its end and fetches the result. */
 #include <math.h>
 #include <poll.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -198,6 +199,28 @@ static char *make_spec(const json *inspection, const char *path, const command_o
     return text;
 }
 
+/* What a terminating signal prints while the command waits. */
+static char interrupted_text[256];
+
+static void tell_interrupted(int number)
+{
+    const ssize_t written = write(STDERR_FILENO, interrupted_text, strlen(interrupted_text));
+    (void)written; /* the process ends in any case; SA_RESETHAND restored the default action */
+    raise(number);
+}
+
+/* From now on an interruption prints that the job continues. */
+static void explain_interruptions(const char *id)
+{
+    struct sigaction action = {.sa_handler = tell_interrupted, .sa_flags = SA_RESETHAND};
+    snprintf(
+        interrupted_text, sizeof interrupted_text,
+        "\nhexadctl: the job %.40s continues: \"hexadctl wait %.40s\" waits for its end, and \"hexadctl cancel %.40s\" cancels it\n",
+        id, id, id);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
 /* Waits for the end of the job, and fetches its result into the directory, with the spec. Returns the exit
  * code of the wait, or of a fetch that failed. */
 static int take_result(client *c, const char *id, const char *spec, const char *directory,
@@ -246,6 +269,7 @@ int command_sample(client *c, const char *argument, const command_options *optio
         const char *id = json_string(json_member(&root, "id"), "");
         /* printed first, so that the id is known if the wait is interrupted */
         terminal_text_print(stderr, "job %s\n", id);
+        explain_interruptions(id);
         code = take_result(c, id, spec, directory, options);
     }
     json_free(inspection);

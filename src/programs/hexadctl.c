@@ -85,7 +85,8 @@ static const char usage[] =
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
     "  fetch ID [--frame FRAMES] [--output DIR | --stack FILE.npz]\n"
-    "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
+    "                    download and verify the results, into DIR; by default into ./ID or, if ID is the name\n"
+    "                    of the job and ./NAME is free or has this result, into ./NAME. Of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
     "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
     "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
@@ -584,11 +585,12 @@ static int run_for_job_and_files(client *c, const line *l)
     return code;
 }
 
-static int run(client *c, const line *l)
+static int run(client *c, line *l)
 {
     if (l->entry->argument == JOB_FILES) return run_for_job_and_files(c, l);
     if (l->entry->argument == FILES) return run_for_each(c, l, l->argument);
     bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
+    if (named && l->argument_count == 1) l->options.called = l->argument[0];
     if (named) return run_for_jobs(c, l);
     return l->entry->run(c, l->argument_count ? l->argument[0] : NULL, &l->options);
 }

@@ -9,6 +9,7 @@ import pty
 import re
 import resource
 import select
+import shutil
 import signal
 import subprocess
 import threading
@@ -116,6 +117,31 @@ def test_fetch_refuses_a_directory_with_another_result(run, tmp_path, service):
     assert refused.returncode == 2 and "frames/2 has another result" in refused.stderr
     assert run("fetch", second, "--output", "elsewhere").returncode == 0
     assert json.loads((tmp_path / "elsewhere/report.json").read_text())["count"] == 201
+
+
+def test_a_fetch_by_name_writes_to_the_name(run, tmp_path, service):
+    def submit(count, **parts):
+        return run("submit", write(tmp_path, {**sphere(count=count), "name": "ball", **parts}), "--wait").stdout.split()[0]
+    first = submit(200)
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists()
+    again = run("fetch", "ball")
+    assert again.returncode == 0 and "files were there already" in again.stderr and not (tmp_path / first).exists()
+    (tmp_path / "ball" / "report.json").unlink()  # as of a fetch that was interrupted
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists() and not (tmp_path / first).exists()
+    assert run("delete", first).returncode == 0
+    second = submit(201)
+    before = (tmp_path / "ball" / "report.json").read_bytes()
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / second / "report.json").exists()
+    assert (tmp_path / "ball" / "report.json").read_bytes() == before
+    assert run("fetch", "latest").returncode == 0
+    shutil.rmtree(tmp_path / "ball")
+    shutil.rmtree(tmp_path / second)
+    assert run("fetch", second).returncode == 0 and not (tmp_path / "ball").exists()
+    assert run("delete", second).returncode == 0
+    frames = submit(100, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}})
+    for _ in range(2):
+        assert run("fetch", "ball").returncode == 0 and not (tmp_path / frames).exists()
+    assert (tmp_path / "ball" / "2" / "report.json").exists()
 
 
 def test_fetch_before_the_end_names_the_command_that_waits(run, service):

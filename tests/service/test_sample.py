@@ -2,6 +2,7 @@
 """From a file to points by one command: hexadctl sample, with a service, and hexad-worker sample, without one."""
 import json
 import re
+import signal
 import subprocess
 
 import numpy
@@ -341,6 +342,22 @@ def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service
         out, err = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, err
     assert sorted(job["name"] for job in jobs(service)) == [f"ball{k}" for k in range(4)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_path, number):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    endless = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *endless], stderr=subprocess.PIPE, text=True,
+                          stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path) as command:
+        job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
+        service.wait_state(job, "running")
+        command.send_signal(number)
+        told = command.stderr.read()
+    assert command.returncode == -number and f"the job {job} continues" in told, told
+    assert f'"hexadctl wait {job}"' in told and f'"hexadctl cancel {job}"' in told
+    assert service.job(job)["state"] == "running"
+    subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
 
 
 def test_the_document_of_the_job(build, service, tmp_path):
