@@ -59,7 +59,7 @@ client *client_open(const char *server, const char *token, const char *authoriti
     c->server = mem_strdup(server);
     c->advice =
         "start hexad (`systemctl start hexad.socket` as root; from a clone, `hexad --state_dir DIR &`), or name its "
-        "address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock";
+        "address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock. `hexad-worker sample FILE` needs no service";
     c->base = mem_strdup(unix_path ? "http://localhost" : server);
     for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
         c->base[length - 1] = '\0';

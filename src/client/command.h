@@ -133,8 +133,8 @@ int command_submit_text(client *c, const char *spec, const command_options *opti
  * found to have a fault. On success *job is the job, which the caller frees. */
 int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job);
 
-/* Whether the service has the file with this hash from this user. */
-bool command_knows_file(client *c, const char *hex);
+/* Sets *known to whether the service has the file with this hash from this user. Fails only if there is no answer. */
+int command_knows_file(client *c, const char *hex, bool *known);
 
 /* Sends a file with this hash that the caller has opened, and its name; no bytes if it is `known`
  * (command_knows_file). On success *document is the answer, which the caller frees. */

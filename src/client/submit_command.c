@@ -319,15 +319,16 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-bool command_knows_file(client *c, const char *hex)
+int command_knows_file(client *c, const char *hex, bool *known)
 {
     error e = {0};
     client_reply reply = {0};
     char *path = mem_printf("/v1/inputs/%s", hex);
-    bool known = client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200;
+    int code = client_call(c, "GET", path, NULL, 0, &reply, &e) ? COMMAND_OK : print_unreachable(&e);
+    *known = code == COMMAND_OK && reply.status == 200;
     client_reply_clear(&reply);
     free(path);
-    return known;
+    return code;
 }
 
 int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
@@ -381,8 +382,9 @@ static int upload_file(client *c, const char *argument, const command_options *o
     json *document = NULL;
     FILE *file = NULL;
     int code = command_open_file(argument, &file, hex, &bytes);
-    if (code == COMMAND_OK)
-        code = command_send_file(c, file, argument, hex, bytes, command_knows_file(c, hex), &document);
+    bool known = false;
+    if (code == COMMAND_OK) code = command_knows_file(c, hex, &known);
+    if (code == COMMAND_OK) code = command_send_file(c, file, argument, hex, bytes, known, &document);
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)

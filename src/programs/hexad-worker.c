@@ -73,8 +73,8 @@ static const char help_text[] =
     "       hexad-worker spec-help [MEMBER]\n"
     "       hexad-worker schema\n"
     "\n"
-    "sample: from a file to points: samples the first surface that inspect suggests, and writes the files of run and\n"
-    "the spec (" SAMPLE_SPEC_NAME
+    "sample: from a file to points: samples the first surface that inspect suggests, and writes points.ply, previews,\n"
+    "report.json and the spec (" SAMPLE_SPEC_NAME
     ") into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
@@ -734,16 +734,19 @@ static int run_sample(const json *document, const run_options *options, bool acc
 {
     spec *s = spec_parse(document, faults, e);
     const bool chosen = s && choose_frame(&s, options->frame, false, faults, e);
-    char *text = json_print(document), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, options->output);
+    char *text = json_print(document), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, options->output),
+         *summary = mem_printf("%s/" WORKER_SUMMARY_NAME, options->output); /* for the daemon only */
     terminal_text_print(stdout, "spec: %s\n", text);
     int code = chosen ? run(s, options, e) : -1;
     for (int k = 0; accept && k < OUTCOME_KINDS; k++)
         if (code == (int)exit_of_outcome[k] && s->accept >> k & 1) code = WORKER_EXIT_CONVERGED;
+    if (code >= 0) unlink(summary);
     if (code >= 0 && !store_file_write(beside, text, strlen(text), e)) code = -1;
     if (code >= 0) terminal_text_print(stdout, "the points are in %s/points.ply\n", options->output);
     spec_free(s);
     free(text);
     free(beside);
+    free(summary);
     return code;
 }
 

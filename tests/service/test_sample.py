@@ -262,6 +262,7 @@ def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, t
     assert spec["surface"]["vdb"].pop("path") == "tube.vdb"
     with_service = spec_of(tmp_path / "tube")
     assert with_service["surface"]["vdb"].pop("path").endswith(".vdb") and spec == with_service
+    assert sorted(p.name for p in (tmp_path / "alone").iterdir()) == sorted(p.name for p in (tmp_path / "tube").iterdir())
     assert (tmp_path / "alone/points.ply").read_bytes() == (tmp_path / "tube/points.ply").read_bytes()
     again = sample_alone(*words, code=2)  # ./tube exists
     assert "tube exists: name another directory" in json.loads(again.stderr.splitlines()[-1])["message"]
@@ -358,6 +359,14 @@ def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_p
     assert f'"hexadctl wait {job}"' in told and f'"hexadctl cancel {job}"' in told
     assert service.job(job)["state"] == "running"
     subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+
+
+def test_without_a_service_nothing_is_sent(build, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none.sock", "sample", "ball.obj"], capture_output=True,
+                          text=True, timeout=PATIENCE_S, cwd=tmp_path)
+    assert done.returncode == 3 and "sending" not in done.stderr, done.stderr
+    assert "cannot connect" in done.stderr and "`hexad-worker sample FILE` needs no service" in done.stderr
 
 
 def test_the_document_of_the_job(build, service, tmp_path):
