@@ -577,6 +577,7 @@ def test_progress_of_several_jobs_names_the_job(clean_gated, build):
                           env=clean_gated.environment(), text=True) as waiting:
         assert waiting.stderr.readline() == f"{first} (shot 010): running: relax\n"
         clean_gated.open_gate(first)
+        assert waiting.stderr.readline() == f"{first}: 7 points\n"
         assert waiting.stderr.readline().startswith(f"{second}: ")
         clean_gated.open_gate(second)
         waiting.communicate(timeout=PATIENCE_S)
