@@ -76,6 +76,10 @@ export type Task = {
  * them.
  */
 export type Notes = {
+  /** The number of points. Results of earlier builds lack it. */
+  count?: number | null;
+  /** The distance h between neighbours. Results of earlier builds lack it. */
+  spacing?: number | null;
   /**
    * How regular the packing is; null for results of builds without ratings. Ratings do not affect the
    * outcome.

@@ -35,6 +35,7 @@ struct client {
 #define START_UNITS "`systemctl start hexad.socket hexad.service`"
 #define RESET_UNITS "`systemctl reset-failed hexad.service hexad.socket`"
 #define SHOW_LOG "`journalctl -u hexad -n 20`"
+#define WITHOUT_SERVICE "`hexad-worker sample FILE` needs no service"
 
 /* Limit of a line of an event stream. */
 #define EVENT_LIMIT_BYTES (1u << 20)
@@ -179,9 +180,9 @@ static const char *advice_on_start(const client *c)
     return has_units()
                ? "start hexad (as root: " START_UNITS "; after a failed start, " SHOW_LOG
                  " says why, and " RESET_UNITS " is needed first), or name its address with --server or "
-                 "HEXAD_SERVER, such as unix:DIR/hexad.sock"
+                 "HEXAD_SERVER, such as unix:DIR/hexad.sock. " WITHOUT_SERVICE
                : "start hexad (`hexad --state_dir DIR &`; as a service of systemd, install the package hexad "
-                 "first), or name its address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock";
+                 "first), or name its address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock. " WITHOUT_SERVICE;
 }
 
 /* For a Unix socket that was connected and gave no answer. */

@@ -55,7 +55,9 @@ typedef struct command_options {
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
-    const char *output;  /* of fetch and sample: a directory; NULL: the job's id, or the stem of the file */
+    const char *called;  /* the job as the command line names it */
+    const char
+        *output; /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
     const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
     const char *file;    /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the picture to; NULL: none */
@@ -127,11 +129,12 @@ int command_wait_for_copy(client *c, const char *path, const command_options *op
 /* Submits a spec given as text, like command_submit. */
 int command_submit_text(client *c, const char *spec, const command_options *options);
 
-/* Posts a spec given as text, without waiting. On success *job is the job, which the caller frees. */
-int command_post_text(client *c, const char *spec, const command_options *options, json **job);
+/* Posts a spec given as text, without waiting. `final`: its inputs cannot change, so it is not submitted if they are
+ * found to have a fault. On success *job is the job, which the caller frees. */
+int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job);
 
-/* Whether the service has the file with this hash from this user. */
-bool command_knows_file(client *c, const char *hex);
+/* Sets *known to whether the service has the file with this hash from this user. Fails only if there is no answer. */
+int command_knows_file(client *c, const char *hex, bool *known);
 
 /* Sends a file with this hash that the caller has opened, and its name; no bytes if it is `known`
  * (command_knows_file). On success *document is the answer, which the caller frees. */

@@ -378,6 +378,10 @@ static int fetch_array(client *c, fetching *f, json_at job)
     int code = fetch_tasks(c, f);
     progress_bar_clear(&f->bar);
     if (code == COMMAND_OK && f->stack && !stack_write(f->stack, &e)) code = print_failure("%s", e.message);
+    if (code == COMMAND_OK && f->stack && stack_ids_differ(f->stack))
+        print_failure(
+            "%s: row k is not the same point in each frame: match rows by id, or use hexadctl attach",
+            f->options->stack);
     int sum = sum_up(f);
     json_free(f->frames);
     free(f->wanted);
@@ -541,6 +545,38 @@ static int fetch_label(client *c, const command_options *options)
     return code;
 }
 
+/* Whether a result of the job may be written into a directory: it does not exist or has files of this result. */
+static bool may_hold(client *c, json_at job, const char *directory)
+{
+    error e = {0};
+    client_reply reply = {0};
+    const char *id = json_string(json_member(&job, "id"), "");
+    if (store_directory_is_free(directory, false)) return true;
+    if (json_bool(json_member(&job, "array"), false))
+        return has_frames(directory) && !has_other_frames(c, id, directory);
+    char *list = mem_printf("/v1/jobs/%s/results", id);
+    bool has_file = false;
+    const bool known = client_call(c, "GET", list, NULL, 0, &reply, &e) && reply.status == 200;
+    json_at root = json_root(reply.document), results = json_member(&root, "results");
+    for (json_at item = json_first(&results); known && !has_file && item.node; item = json_next(&item)) {
+        char *path = mem_printf("%s/%s", directory, json_string(json_member(&item, "name"), ""));
+        has_file = is_there(path, json_string(json_member(&item, "sha256"), ""));
+        free(path);
+    }
+    const bool may = has_file && !has_other_result(directory, results);
+    client_reply_clear(&reply);
+    free(list);
+    return may;
+}
+
+/* The directory of a fetch without --output: the name of the job if the command line has it, otherwise the ID. */
+static const char *default_directory(client *c, json_at job, const char *called)
+{
+    const char *name = json_string(json_member(&job, "name"), "");
+    const bool is_called = called && strcmp(called, name) == 0 && is_file_name(name);
+    return is_called && may_hold(c, job, name) ? name : json_string(json_member(&job, "id"), "");
+}
+
 int command_fetch(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL, *found = NULL;
@@ -552,12 +588,13 @@ int command_fetch(client *c, const char *argument, const command_options *option
     char *path = command_job_path(argument, "");
     if (!path) return COMMAND_USAGE;
     int code = command_ask(c, "GET", path, NULL, &document);
-    if (code == COMMAND_OK)
-        code = fetch_job(c, json_root(document),
-                         options->output  ? options->output
-                         : options->stack ? options->stack
-                                          : argument,
-                         false, options, &found);
+    if (code == COMMAND_OK) {
+        const json_at job = json_root(document);
+        const char *directory = options->output  ? options->output
+                                : options->stack ? options->stack
+                                                 : default_directory(c, job, options->called);
+        code = fetch_job(c, job, directory, false, options, &found);
+    }
     if (found) print_document(found);
     json_free(found);
     json_free(document);

@@ -287,6 +287,7 @@ void job_table_print(json_at job, json_at dependents)
     print_moment(job, "finished", started ? started : created, "took ", "");
     if (text_of(job, "cached_from", NULL)) print_line("result of", text_of(job, "cached_from", ""));
     print_tasks(job);
+    print_size(stdout, "  points    ", json_member(&job, "notes"));
     print_ratings(stdout, "  packing   ", json_member(&job, "notes"));
     print_notes(stdout, json_member(&job, "notes"));
     print_attempts(job);

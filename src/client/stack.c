@@ -172,6 +172,26 @@ void stack_add_missing(stack *s, const char *name)
     texts_add(&s->missing, name);
 }
 
+bool stack_ids_differ(stack *s)
+{
+    const layout *l = &s->layout;
+    size_t k = 0, offset = 0;
+    while (k < l->count && strcmp(l->column[k].name, "id") != 0) offset += types[l->column[k++].type].bytes;
+    if (k == l->count) return false;
+    const size_t bytes = types[l->column[k].type].bytes, all = s->names.count * l->points;
+    char *ids = mem_alloc(l->points * bytes), *record = mem_alloc(l->record);
+    bool differ = false;
+    rewind(s->records);
+    for (size_t i = 0; !differ && i < all && fread(record, l->record, 1, s->records) == 1; i++) {
+        char *id = ids + i % l->points * bytes;
+        if (i < l->points) memcpy(id, record + offset, bytes);
+        differ = memcmp(id, record + offset, bytes) != 0;
+    }
+    free(ids);
+    free(record);
+    return differ;
+}
+
 /* ---- the archive */
 
 static bool put(zipFile archive, const void *bytes, size_t size)

@@ -30,6 +30,7 @@ static const char usage[] =
     "\n"
     "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
     "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
+    "       [--accept]\n"
     "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
     "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
     ") into DIR,\n"
@@ -37,7 +38,8 @@ static const char usage[] =
     "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
     "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
-    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
+    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected;\n"
+    "                    --accept: as of wait\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"
@@ -83,7 +85,8 @@ static const char usage[] =
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
     "  fetch ID [--frame FRAMES] [--output DIR | --stack FILE.npz]\n"
-    "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
+    "                    download and verify the results, into DIR; by default into ./ID or, if ID is the name\n"
+    "                    of the job and ./NAME is free or has this result, into ./NAME. Of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
     "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
     "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
@@ -98,8 +101,8 @@ static const char usage[] =
     "  pause ID          start no more attempts of a job; running attempts continue\n"
     "  resume ID         start attempts of a paused job again\n"
     "  retry ID... [--dependents]\n"
-    "                    run the failed tasks of jobs again; with --dependents also the jobs that ended as\n"
-    "                    dependency_failed because of them\n"
+    "                    run the tasks of jobs again that have failed, timed out or were cancelled; with\n"
+    "                    --dependents also the jobs that ended as dependency_failed because of them\n"
     "  deliver ID        copy the results of a job to its output directory again, and wait for the end of\n"
     "                    the copy; the exit status is 1 when it failed\n"
     "  delete ID... [--yes]\n"
@@ -165,7 +168,7 @@ static const struct entry {
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
     {"sample", command_sample, ONE,
-     "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
+     "--on-service --count --spacing --grade --pattern --set --frames --name --output --accept"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --files --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
@@ -582,11 +585,12 @@ static int run_for_job_and_files(client *c, const line *l)
     return code;
 }
 
-static int run(client *c, const line *l)
+static int run(client *c, line *l)
 {
     if (l->entry->argument == JOB_FILES) return run_for_job_and_files(c, l);
     if (l->entry->argument == FILES) return run_for_each(c, l, l->argument);
     bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
+    if (named && l->argument_count == 1) l->options.called = l->argument[0];
     if (named) return run_for_jobs(c, l);
     return l->entry->run(c, l->argument_count ? l->argument[0] : NULL, &l->options);
 }

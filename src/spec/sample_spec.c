@@ -158,6 +158,11 @@ bool sample_spec_is_complete(const char *member, const sample_options *options)
     return ok;
 }
 
+bool sample_spec_needs_inspection(const char *member, const sample_options *options)
+{
+    return strcmp(member, "volume") == 0 || !sample_spec_is_complete(member, options);
+}
+
 char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
 {
     const json *suggested = sample_spec_suggested(inspection);
@@ -210,20 +215,82 @@ static void put_pattern(json *document, const char *pattern, const char *inspect
     }
 }
 
+/* The names of an OpenVDB file's grids, or of those with scalars, with their types if `typed`; the caller frees
+ * the text. */
+static char *list_grids(json_at grids, bool scalars_only, bool typed)
+{
+    char *list = mem_strdup("");
+    for (json_at grid = json_first(&grids); grid.node; grid = json_next(&grid)) {
+        if (scalars_only && !json_bool(json_member(&grid, "scalar"), false)) continue;
+        const char *name = json_string(json_member(&grid, "name"), ""),
+                   *type = json_string(json_member(&grid, "type"), "");
+        char *longer = mem_printf("%s%s\"%s\"%s%s%s", list, *list ? ", " : "", name, typed ? " (" : "",
+                                  typed ? type : "", typed ? ")" : "");
+        free(list);
+        list = longer;
+    }
+    return list;
+}
+
+/* Why no surface of an OpenVDB file can be sampled, and what to do; the caller frees the text. */
+static char *explain_grids(json_at grids)
+{
+    size_t scalars = 0, empty = 0, points = 0;
+    const char *fault = NULL;
+    for (json_at grid = json_first(&grids); grid.node; grid = json_next(&grid)) {
+        json_at told = json_member(&grid, "error");
+        if (told.node && !fault) fault = json_string(json_member(&told, "message"), "");
+        if (json_bool(json_member(&grid, "scalar"), false)) scalars++;
+        if (json_number(json_member(&grid, "active_voxels"), 1) == 0) empty++;
+        if (strncmp(json_string(json_member(&grid, "type"), ""), "ptdataidx", strlen("ptdataidx")) == 0)
+            points++;
+    }
+    const size_t all = json_size(grids);
+    char *list = list_grids(grids, scalars > 0, scalars == 0), *text;
+    const char *noun = (scalars ? scalars : all) == 1 ? "grid" : "grids";
+    if (all == 0)
+        text = mem_strdup("the file has no grid: give another file");
+    else if (fault)
+        text = mem_printf("a grid cannot be read: %s", fault);
+    else if (scalars > 0 && empty == scalars)
+        text = mem_printf("the %s %s %s no active voxels: choose another frame or file", noun, list,
+                          scalars == 1 ? "has" : "have");
+    else if (scalars > 0)
+        text = mem_printf("the %s %s %s no isovalue with a surface: choose another frame or file", noun, list,
+                          scalars == 1 ? "has" : "have");
+    else if (points == all)
+        text = mem_printf("the %s %s %s points, and a surface is taken from a grid of type float or double: "
+                          "convert the points to a level set or a fog volume",
+                          noun, list, all == 1 ? "has" : "have");
+    else
+        text = mem_printf(
+            "a surface is taken from a grid of type float or double, and the file has only the %s %s: "
+            "give a file with a density or a level set",
+            noun, list);
+    free(list);
+    return text;
+}
+
 /* Sets the error for an inspection without a surface that can be sampled. */
 static void explain_missing(const json *inspection, const char *path, error *e)
 {
     json_at root = json_root(inspection), list = json_member(&root, "suggestions"), first = json_first(&list),
             fault = json_member(&first, "error");
     const char *message = json_string(json_member(&fault, "message"), NULL);
+    const file_format format = file_format_of_name(path);
     if (message)
         error_set(e, error_code_from_name(json_string(json_member(&fault, "code"), "")), "%s: %s", path,
                   message);
-    else
-        error_set(e, ERROR_NO_SURFACE,
-                  "%s: no surface was found: inspect shows what the file contains. An image of a stack "
-                  "requires the other images beside it.",
-                  path);
+    if (message) return;
+    json_at grids = json_member(&root, "grids");
+    char *why =
+        grids.node ? explain_grids(grids)
+        : format == FILE_FORMAT_EXR || format == FILE_FORMAT_TIFF
+            ? mem_strdup("no surface was found. An image of a stack requires the other images beside it")
+            : mem_strdup("no surface was found");
+    error_set(e, ERROR_NO_SURFACE, "%s: %s. `hexad-worker inspect FILE` shows what the file contains", path,
+              why);
+    free(why);
 }
 
 const char *sample_spec_ending(const char *path)

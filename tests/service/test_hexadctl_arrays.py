@@ -297,7 +297,7 @@ def test_several_files_and_the_files_of_a_pattern_are_uploaded(run, tmp_path):
     done = run("upload", names[1], names[0])
     assert done.returncode == 0 and done.stdout.split() == [paths[1], paths[0]], done.stderr
     done = run("upload", "b.####.obj")
-    assert done.returncode == 0 and done.stdout.split() == paths and "one job for each" in done.stderr
+    assert done.returncode == 0 and done.stdout.split() == paths and '"files": ["sha256:....obj", ...]' in done.stderr
     done = run("upload", "c.####.obj")
     assert done.returncode == 2 and "c.####.obj: no file matches" in done.stderr
     done = run("upload", "nowhere", names[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "Unreachable", "WaitTimeout"]
+__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "RowWarning", "Unreachable", "WaitTimeout"]
 
 
 class HexadError(Exception):
@@ -21,6 +21,10 @@ class FaultWarning(UserWarning):
 
 class OutcomeWarning(UserWarning):
     """The outcome of a call is not `converged`."""
+
+
+class RowWarning(UserWarning):
+    """A row of the arrays of frames is not the same point in each frame."""
 
 
 class Damaged(HexadError):

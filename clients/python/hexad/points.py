@@ -6,9 +6,10 @@ import array
 import importlib
 import pathlib
 import struct
+import warnings
 from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence
 
-from .errors import Damaged
+from .errors import Damaged, RowWarning
 
 __all__ = ["Points", "Stack", "obj_of", "read_ply"]
 
@@ -90,6 +91,8 @@ class Stack(Columns):
             for key, column in points.items():
                 self.columns[key][row] = column
             self.names.append(name)
+        if "id" in self.columns and (self.columns["id"] != self.columns["id"][:1]).any():
+            warnings.warn("row k is not the same point in each frame: match rows by id, or use hexadctl attach", RowWarning, stacklevel=3)
 
     def __repr__(self) -> str:
         return f"<{len(self.names)} results, {len(self.missing)} missing, with {', '.join(self.columns)}>"

@@ -313,18 +313,25 @@ static void put_grading(json *report, const report_facts *facts)
     if (reached >= RATIO_REACHED * asked) return;
     const spec *s = facts->spec;
     const bool low = s->min_spacing > 0, high = s->max_spacing > 0;
-    char *warning = mem_printf(
-        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the surface "
-        "varies less, or its most curved places are too small for the growth and the smoothing of the spacing. "
-        "Try a smaller and a larger sampling.curvature.exponent (now %.3g): which one reaches more depends on how "
-        "much of the surface is curved. Or lower the ratio.%s",
-        reached, asked, s->curvature.exponent,
-        low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
-        : low       ? " sampling.min_spacing limits it as well."
-        : high      ? " sampling.max_spacing limits it as well."
-                    : "");
+    char *cause =
+        g.permitted_ratio >= asked
+            ? mem_strdup(
+                  "the spacing is smoothed, so that adjacent points differ little. A larger ratio may reach more.")
+        : g.permitted_ratio > 1.05
+            ? mem_printf("with the exponent %.3g, the curvature of the surface permits %.3g:1. Try a larger "
+                         "sampling.curvature.exponent, or lower the ratio.",
+                         s->curvature.exponent, g.permitted_ratio)
+            : mem_strdup("the surface has the same curvature everywhere, or none. Omit sampling.curvature.");
+    char *warning =
+        mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): %s%s", reached,
+                   asked, cause,
+                   low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
+                   : low       ? " sampling.min_spacing limits it as well."
+                   : high      ? " sampling.max_spacing limits it as well."
+                               : "");
     json_append_string(json_find(report, "/surface/warnings"), warning);
     free(warning);
+    free(cause);
 }
 
 /* The factor of curvatures in (14), and the distance over which they are averaged. */
