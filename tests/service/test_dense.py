@@ -326,7 +326,7 @@ def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[0, 0, 0] = numpy.inf
     e, _ = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
-    assert e["code"] == "no_surface" and f"lowest value, {values.min():g}, and its highest, {values[1:].max():g}" in e["message"], e
+    assert e["code"] == "no_surface" and f"above its lowest value, {values.min():g}, and below its highest, {values[1:].max():g}" in e["message"], e
 
 
 @pytest.mark.sanitized
@@ -568,10 +568,26 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
 def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES["plain"]), MATRICES["plain"])
     e, _ = sample(tmp_path / "v.nrrd", isovalue=3.0)
-    assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue between" in e["message"]
+    assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue above" in e["message"]
 
 
 @pytest.mark.sanitized
+@pytest.mark.parametrize("at_the_end", [False, True])
+def test_the_value_of_the_background_is_no_isovalue(sample, tmp_path, at_the_end):
+    values = numpy.full(SIZE, 120, "u1")
+    values[:2 if at_the_end else 8] = 0  # one voxel of zeros beside the end of the data, or more
+    values[-3:] = 200
+    write_nifti(tmp_path / "a.nii", values)
+    told, _ = sample(tmp_path / "a.nii", 0)
+    assert told["code"] == "no_surface"
+    assert "no surface at isovalue 0: in 100 % of the cells" in told["message"] and "Try 0.5" in told["message"]
+    told, points = sample(tmp_path / "a.nii", 0.5)
+    assert points is not None
+    write_nifti(tmp_path / "b.nii", values.astype("f4") / 3 + numpy.float32(0.25))
+    told, _ = sample(tmp_path / "b.nii", 0.25)
+    assert "Choose an isovalue above 0.25 and below 66.9" in told["message"]
+
+
 def test_data_files_stay_within_the_roots(worker, tmp_path):
     inside, outside = tmp_path / "inside", tmp_path / "outside.raw"
     inside.mkdir()

@@ -198,24 +198,41 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
         return error_set(e, ERROR_NO_SURFACE, "all values of %s are %g%s: choose another grid", l->name,
                          l->lowest, more);
     return error_set(e, ERROR_NO_SURFACE,
-                     "%s has no surface at isovalue %g: choose an isovalue between its lowest value, %g, "
-                     "and its highest, %g%s",
+                     "%s has no surface at isovalue %g: choose an isovalue above its lowest value, %g, "
+                     "and below its highest, %g%s",
                      l->name, v->info.isovalue, l->lowest, l->highest, more);
 }
 
 /* Fraction of the crossed cells from which the surface counts as the edge of a plateau at the isovalue. */
 static const double plateau_from = 0.1;
 
+/* Whether the isovalue and all values near the surface are whole numbers. */
+static bool has_whole_values(const loading *l, const volume *v)
+{
+    const vdb_grid *g = l->grid;
+    bool whole = v->info.isovalue == rint(v->info.isovalue);
+    for (size_t n = 0; whole && n < g->leaf_count * VDB_LEAF_VOXELS; n++)
+        whole = g->leaf_values[n] == rintf(g->leaf_values[n]);
+    return whole;
+}
+
 static bool check_plateau(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
     const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings, l->pool);
     if ((double)flat < plateau_from * (double)cells) return true;
-    return error_set(e, ERROR_NO_SURFACE,
-                     "%s has no surface at isovalue %g, which equals its background (in %.3g %% of the "
-                     "cells the values reach it without a sign change): choose an isovalue between %g and "
-                     "%g",
-                     l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
+    char other[128];
+    if (has_whole_values(l, v))
+        snprintf(other, sizeof other, "Try %g, or one that hexadctl inspect FILE suggests",
+                 v->info.isovalue + 0.5);
+    else
+        snprintf(other, sizeof other, "Choose an isovalue above %g and below %g",
+                 v->info.isovalue > l->lowest ? l->lowest : v->info.isovalue, l->highest);
+    return error_set(
+        e, ERROR_NO_SURFACE,
+        "%s has no surface at isovalue %g: in %.3g %% of the cells there, the values reach it without "
+        "a sign change, as where the background has this value. %s",
+        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, other);
 }
 
 /* Half-width of a narrow band beside its isovalue that is sufficient for the cells on the surface. */
