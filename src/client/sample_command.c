@@ -148,6 +148,11 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
                 print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s",
                               member ? ", or give --count and --set /surface/" : "", member ? member : "",
                               member ? "/isovalue=V" : "");
+            if (reply.status == 503 && member && strcmp(member, "volume") == 0)
+                print_failure("sample: if the values are labels, submit this spec: "
+                              "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"%s\"}},"
+                              "\"sampling\":{\"count\":%d}}",
+                              in_spec, SAMPLE_SPEC_COUNT_MOST);
         } else {
             *inspection = reply.document;
             reply.document = NULL;

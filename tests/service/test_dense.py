@@ -571,7 +571,6 @@ def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
     assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue above" in e["message"]
 
 
-@pytest.mark.sanitized
 @pytest.mark.parametrize("at_the_end", [False, True])
 def test_the_value_of_the_background_is_no_isovalue(sample, tmp_path, at_the_end):
     values = numpy.full(SIZE, 120, "u1")
@@ -588,6 +587,18 @@ def test_the_value_of_the_background_is_no_isovalue(sample, tmp_path, at_the_end
     assert "Choose an isovalue above 0.25 and below 66.9" in told["message"]
 
 
+def test_labels_are_advised_for_a_mask_with_walls_of_a_voxel(sample, tmp_path):
+    rough = (ndimage.gaussian_filter(numpy.random.default_rng(4).normal(size=(30, 30, 30)), 1) > 0.25).astype("u1")
+    codes = {}
+    for name, values in (("mask", 255 * rough), ("levels", 255 * rough - rough * numpy.indices(rough.shape)[0].astype("u1"))):
+        write_nrrd(tmp_path / f"{name}.nrrd", values.astype("u1"), MATRICES["plain"])
+        report, _ = sample(tmp_path / f"{name}.nrrd", 127.5)
+        assert report["outcome"] != "converged"
+        codes[name] = [a["code"] for a in report["advice"] if "/surface/labels" in a["message"]]
+    assert codes == {"mask": ["mask"], "levels": []}
+
+
+@pytest.mark.sanitized
 def test_data_files_stay_within_the_roots(worker, tmp_path):
     inside, outside = tmp_path / "inside", tmp_path / "outside.raw"
     inside.mkdir()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a file to points by one command: hexadctl sample, with a service, and hexad-worker sample, without one."""
 import json
+import re
 import subprocess
 
 import numpy
@@ -314,6 +315,10 @@ def test_a_mesh_needs_no_inspection_but_a_volume_does(new_service, sample, examp
         done = sample("volume.nrrd", *words, "--output", "other", of=service)
         assert done.returncode == 1 and "hexad-worker sample FILE" in done.stderr, done.stderr
         assert "give --count and --set /surface/volume/isovalue=V\n" in done.stderr, done.stderr
+    spec = re.search(r"if the values are labels, submit this spec: ({.*})", done.stderr)[1]
+    done = subprocess.run([service.build / "hexadctl", "submit", "-", "--wait", "--set", "/sampling/count=300"], input=spec,
+                          capture_output=True, text=True, timeout=PATIENCE_S, env=service.environment())
+    assert "use surface.volume with an isovalue" in done.stdout, done.stdout  # the file was found; its values are no labels
     done = sample(example, of=service)
     assert done.returncode == 1, done.stderr
     assert ("does not inspect files: the setting estimates is 0" if options[1] == 0 else "inspection took longer than 0.01 s") in done.stderr

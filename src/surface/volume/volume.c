@@ -808,6 +808,19 @@ bbox volume_clear_box(const volume *v)
     return (bbox){vec3_axpy(-share, half, middle), vec3_axpy(share, half, middle)};
 }
 
+/* Whether each value near the surface is the lowest or the highest. */
+static bool has_two_values(const vdb_grid *g, const dense_grid_facts *facts)
+{
+    const float low = (float)(facts->lowest - g->zero), high = (float)(facts->highest - g->zero);
+    bool two = true;
+    for (size_t n = 0; two && n < g->leaf_count * VDB_LEAF_VOXELS; n++) {
+        const size_t leaf = n / VDB_LEAF_VOXELS, k = n % VDB_LEAF_VOXELS;
+        const bool active = g->leaf_active[leaf * VDB_LEAF_SIDE + (k >> 6)] >> (k & 63) & 1;
+        two = !active || g->leaf_values[n] == low || g->leaf_values[n] == high;
+    }
+    return two;
+}
+
 static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
 {
     const dense_grid_facts *facts = &l->facts;
@@ -831,6 +844,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     memcpy(v->info.space, r->source->space, sizeof v->info.space);
     l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
     if (!l->grid) return false;
+    v->info.two_values = has_two_values(l->grid, facts);
     v->info.active_voxels = l->grid->active_voxels;
     for (uint32_t k = 0; k < r->source->warnings.count; k++)
         warn(&v->info, "%s", r->source->warnings.text[k]);
