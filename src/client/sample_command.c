@@ -189,9 +189,15 @@ static char *make_spec(const json *inspection, const char *path, const command_o
     json *spec = sample_spec_make(inspection, path, &wanted, &e);
     char *text = spec ? json_print(spec) : NULL;
     if (!spec) print_failure("sample: %s", e.message);
-    char *note = spec && !options->json ? sample_spec_isovalue_note(inspection, &wanted) : NULL;
-    if (note) terminal_text_print(stderr, "%s\n", note);
-    free(note);
+    char *of_isovalue = NULL, *of_volume = NULL;
+    if (spec && !options->json) {
+        of_isovalue = sample_spec_isovalue_note(inspection, &wanted);
+        of_volume = sample_spec_volume_note(inspection, &wanted);
+    }
+    if (of_volume) terminal_text_print(stderr, "%s\n", of_volume);
+    if (of_isovalue) terminal_text_print(stderr, "%s\n", of_isovalue);
+    free(of_volume);
+    free(of_isovalue);
     json_free(spec);
     return text;
 }
