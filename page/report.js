@@ -49,7 +49,7 @@ export function valueAt(report, path) {
 }
 
 function Timing({report}) {
-  const phases = {load: "Reading", start: "First points", relax: "Relaxing", measure: "Measuring", curvature: "Curvature", write: "Writing", total: "Together"};
+  const phases = {load: "Reading", start: "First points", relax: "Relaxing", measure: "Measuring", curvature: "Curvature", weights: "Weights", write: "Writing", total: "Together"};
   return html`<h3>Time and memory</h3><table class="facts"><tbody>
     ${Object.entries(phases).map(([key, word]) => report.timing_s && key in report.timing_s &&
       html`<tr><th scope="row">${word}</th><td class="number">${durationOf(report.timing_s[key])}</td></tr>`)}

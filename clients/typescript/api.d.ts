@@ -14,7 +14,7 @@ export type Outcome = "converged" | "unresolved" | "not_converged" | null;
  * farm's reason.
  */
 export type Progress = {
-  phase: "queue" | "load" | "start" | "relax" | "measure" | "curvature" | "write";
+  phase: "queue" | "load" | "start" | "relax" | "measure" | "curvature" | "weights" | "write";
   /** The completed fraction of the whole attempt. */
   fraction: number;
 };
@@ -342,6 +342,11 @@ export type Estimate = {
   seconds: number | null;
   /** Why `seconds` is null. */
   seconds_missing: string | null;
+  /**
+   * The part of `seconds` for the quadrature weights of the points. Only if the job has them and `seconds` is
+   * known.
+   */
+  weights_seconds?: number;
   threads: number;
   warnings: string[];
   advice: Advice;

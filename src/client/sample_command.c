@@ -153,6 +153,11 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
                               member ? "/isovalue=V" : "",
                               has_grids ? ", and --set /surface/vdb/grid=NAME if the file has several grids"
                                         : "");
+            if (reply.status == 503 && member && strcmp(member, "volume") == 0)
+                print_failure("sample: if the values are labels, submit this spec: "
+                              "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"%s\"}},"
+                              "\"sampling\":{\"count\":%d}}",
+                              in_spec, SAMPLE_SPEC_COUNT_MOST);
         } else {
             *inspection = reply.document;
             reply.document = NULL;
@@ -193,9 +198,15 @@ static char *make_spec(const json *inspection, const char *path, const command_o
     json *spec = sample_spec_make(inspection, path, &wanted, &e);
     char *text = spec ? json_print(spec) : NULL;
     if (!spec) print_failure("sample: %s", e.message);
-    char *note = spec && !options->json ? sample_spec_isovalue_note(inspection, &wanted) : NULL;
-    if (note) terminal_text_print(stderr, "%s\n", note);
-    free(note);
+    char *of_isovalue = NULL, *of_volume = NULL;
+    if (spec && !options->json) {
+        of_isovalue = sample_spec_isovalue_note(inspection, &wanted);
+        of_volume = sample_spec_volume_note(inspection, &wanted);
+    }
+    if (of_volume) terminal_text_print(stderr, "%s\n", of_volume);
+    if (of_isovalue) terminal_text_print(stderr, "%s\n", of_isovalue);
+    free(of_volume);
+    free(of_isovalue);
     json_free(spec);
     return text;
 }

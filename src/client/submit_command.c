@@ -294,8 +294,11 @@ static void print_estimate(json_at document)
     printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
     printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
     if (json_type_of(seconds) == JSON_NUMBER) {
-        terminal_text_print(stdout, "time     %.3g s with %.0f thread%s, without writing the results\n",
+        const double weights_s = json_number(json_member(&estimate, "weights_seconds"), 0);
+        terminal_text_print(stdout, "time     %.3g s with %.0f thread%s, without writing the results",
                             json_number(seconds, 0), threads, threads == 1 ? "" : "s");
+        if (weights_s > 0) printf("; of this, weights: %.3g s", weights_s);
+        putchar('\n');
     } else {
         fputs("time     unknown: ", stdout);
         terminal_text_put(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));

@@ -757,7 +757,7 @@ static int sample(int argc, char **argv)
     spec_faults faults = {0};
     arguments a;
     store_roots *roots = NULL;
-    char *stem = NULL, *inspected = NULL, *note = NULL;
+    char *stem = NULL, *inspected = NULL, *note = NULL, *of_volume = NULL;
     json *inspection = NULL, *document = NULL;
     int code = -1;
     handle_signals();
@@ -790,6 +790,8 @@ static int sample(int argc, char **argv)
     }
     if (!inspection) goto done;
     if (!(document = sample_spec_make(inspection, a.spec_path, &a.sample, &e))) goto done;
+    if ((of_volume = sample_spec_volume_note(inspection, &a.sample)))
+        terminal_text_print(stderr, "%s\n", of_volume);
     if ((note = sample_spec_isovalue_note(inspection, &a.sample))) terminal_text_print(stderr, "%s\n", note);
     options.progress_bar = a.progress || isatty(STDERR_FILENO) == 1;
     code = run_sample(document, &options, a.accept, &faults, &e);
@@ -802,6 +804,7 @@ done:
     free(stem);
     free(inspected);
     free(note);
+    free(of_volume);
     return code;
 }
 

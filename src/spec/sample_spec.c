@@ -41,12 +41,39 @@ json *sample_spec_unseen(const char *member, const char *path)
     return inspection;
 }
 
+/* Assignments to the members of a spec whose pointers end with the name before the equals sign, as in
+ * isovalue=100; the caller frees the text. "": there is none, or there are too many to list. */
+static char *write_assignments(const char *assignment)
+{
+    enum { MOST = 4 };
+    const size_t length = strcspn(assignment, "=");
+    size_t found = 0;
+    char *list = mem_strdup("");
+    for (size_t i = 0; i < spec_row_count && length > 0 && found <= MOST; i++) {
+        const char *pointer = spec_rows[i].pointer;
+        const size_t all = strlen(pointer);
+        if (all <= length || pointer[all - length - 1] != '/' ||
+            strncmp(pointer + all - length, assignment, length) != 0)
+            continue;
+        char *longer = mem_printf("%s%s%s%s", list, found ? " or " : "", pointer, assignment + length);
+        free(list);
+        list = longer;
+        found++;
+    }
+    if (found > MOST) *list = '\0';
+    return list;
+}
+
 bool sample_spec_set(json *document, const char *assignment, error *e)
 {
     const char *equals = strchr(assignment, '=');
-    if (*assignment != '/' || !equals || equals == assignment + 1)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "--set %s: must be /MEMBER=VALUE, such as /sampling/count=5000", assignment);
+    if (*assignment != '/' || !equals || equals == assignment + 1) {
+        char *meant = write_assignments(equals ? assignment : "");
+        error_set(e, ERROR_SPEC_INVALID, "--set %s: must be /MEMBER=VALUE, such as %s", assignment,
+                  *meant ? meant : "/sampling/count=5000");
+        free(meant);
+        return false;
+    }
     char *pointer = mem_printf("%.*s", (int)(equals - assignment), assignment);
     json *value = json_parse(equals + 1, strlen(equals + 1), NULL);
     if (!value) value = json_new_string(equals + 1);
@@ -163,23 +190,51 @@ bool sample_spec_needs_inspection(const char *member, const sample_options *opti
     return strcmp(member, "volume") == 0 || !sample_spec_is_complete(member, options);
 }
 
-char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
+/* The text about a value of the first of these members of the surface that is suggested and has one, unless an option
+ * sets it. `write` makes the text, which the caller frees. NULL: none. */
+typedef char *note_writer(const json *inspection, const char *member, double value);
+
+static char *note_of(const json *inspection, const sample_options *options, const char *key,
+                     note_writer *write)
 {
+    static const char *const kinds[] = {"vdb", "volume", "labels"};
     const json *suggested = sample_spec_suggested(inspection);
-    json_at root = json_root(inspection), list = json_member(&root, "suggestions");
     json *own = suggested ? json_copy(suggested) : NULL, *given = json_new_object();
     char *note = NULL;
     apply(given, options, 0, NULL);
-    for (size_t i = 0; own && i < MEMBERS && !note; i++) {
-        json *isovalue = value_of_surface(own, members[i], "isovalue");
-        if (isovalue && !value_of_surface(given, members[i], "isovalue"))
-            note = mem_printf("isovalue %g: suggested by inspect, of %zu; set another with --set "
-                              "/surface/%s/isovalue=V",
-                              json_number(json_root(isovalue), 0), json_size(list), members[i]);
+    for (size_t i = 0; own && i < sizeof kinds / sizeof *kinds && !note; i++) {
+        json *value = value_of_surface(own, kinds[i], key);
+        if (value && !value_of_surface(given, kinds[i], key))
+            note = write(inspection, kinds[i], json_number(json_root(value), 0));
     }
     json_free(own);
     json_free(given);
     return note;
+}
+
+static char *write_isovalue(const json *inspection, const char *member, double isovalue)
+{
+    json_at root = json_root(inspection);
+    return mem_printf(
+        "isovalue %g: suggested by inspect, of %zu; set another with --set /surface/%s/isovalue=V", isovalue,
+        json_size(json_member(&root, "suggestions")), member);
+}
+
+static char *write_volume(const json *inspection, const char *member, double index)
+{
+    json_at root = json_root(inspection), volume = json_member(&root, "volume");
+    return mem_printf("volume %.0f of %.0f, from 0; set another with --set /surface/%s/index=K", index,
+                      json_number(json_member(&volume, "volumes"), 1), member);
+}
+
+char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
+{
+    return note_of(inspection, options, "isovalue", write_isovalue);
+}
+
+char *sample_spec_volume_note(const json *inspection, const sample_options *options)
+{
+    return note_of(inspection, options, "index", write_volume);
 }
 
 char *sample_spec_inspected(const char *path, const sample_options *options, error *e)

@@ -180,6 +180,8 @@ def test_files_are_sent(client, tmp_path, monkeypatch):
     (tmp_path / "cube.obj").rename(tmp_path / "würfel.obj")
     assert client.upload(tmp_path / "würfel.obj") == path and client.transport.get(sent)["name"] == "würfel.obj"
     assert client.inspect(path)["mesh"]
+    (tmp_path / "scan.v2.nii.gz").write_bytes(b"")
+    assert client.upload(tmp_path / "scan.v2.nii.gz").endswith(hashlib.sha256(b"").hexdigest() + ".nii.gz")
     spec = {"surface": {"mesh": {"path": path, "resolution": 32}}, "sampling": {"count": 200}, "output": {"preview": False}}
     assert client.estimate(spec)["count"] == 200
     job = client.submit(spec, wait=True)

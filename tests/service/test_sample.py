@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import struct
 import subprocess
 
 import numpy
@@ -11,7 +12,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from readers import read_columns
 from service import PATIENCE_S, Service, wait_until
-from volumes import Part, nrrd_header, write_exr, write_nrrd
+from volumes import Part, nrrd_header, write_exr, write_nifti, write_nrrd
 
 
 def ellipsoid(path, *half_axes):
@@ -154,7 +155,9 @@ def test_values_of_set_are_json_or_texts(sample, tmp_path):
     (("--count", "10", "--spacing", "1"), "--count and --spacing exclude each other"),
     (("--grade", "feature"), "--grade must be curvature or curvature=RATIO (given feature)"),
     (("--grade", "curvature=high"), "must be a number (given high)"),
-    (("--set", "sampling=1"), "--set sampling=1: must be /MEMBER=VALUE"),
+    (("--set", "sampling=1"), "--set sampling=1: must be /MEMBER=VALUE, such as /sampling=1"),
+    (("--set", "isovalue=100"), "such as /surface/vdb/isovalue=100 or /surface/volume/isovalue=100"),
+    (("--set", "radius=1"), "--set radius=1: must be /MEMBER=VALUE"),
     (("--set", "/sampling"), "--set /sampling: must be /MEMBER=VALUE"),
     (("--set", "/version/major=1"), "a part of /version/major has no members"),
     (("--count", "2.5"), "/sampling/count: "), (("--pattern", "regular"), "/sampling/pattern: "),
@@ -277,6 +280,22 @@ def test_a_text_is_not_called_a_mesh(sample_alone, tmp_path, text):
     assert "notes.md: its format is not known" in error["message"] and "PLY, OBJ, STL or OFF" in error["message"]
 
 
+def test_one_of_several_volumes_is_named(sample_alone, tmp_path):
+    x = numpy.arange(16) - 7.5
+    radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
+    write_nifti(tmp_path / "ball.nii", (7 - radius).astype("f4"))
+    raw = bytearray((tmp_path / "ball.nii").read_bytes())
+    struct.pack_into("<8h", raw, 40, 4, 16, 16, 16, 2, 1, 1, 1)
+    (tmp_path / "ball.nii").write_bytes(raw + (3 - radius).astype("<f4").tobytes(order="F"))
+    told = sample_alone("ball.nii", "--count", 200).stderr
+    assert "\nvolume 0 of 2, from 0; set another with --set /surface/volume/index=K\nisovalue " in told
+    done = sample_alone("ball.nii", "--count", 200, "--set", "/surface/volume/isovalue=0", "--set", "/surface/volume/index=1",
+                        "--output", "b")
+    assert "volume 0 of" not in done.stderr
+    points = positions(tmp_path / "b")
+    assert abs(numpy.linalg.norm(points - points.mean(axis=0), axis=1) - 3).max() < 0.2
+
+
 def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
     x = numpy.arange(24) - 11.5
     radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
@@ -396,6 +415,10 @@ def test_a_mesh_needs_no_inspection_but_a_volume_does(new_service, sample, examp
         done = sample("volume.nrrd", *words, "--output", "other", of=service)
         assert done.returncode == 1 and "hexad-worker sample FILE" in done.stderr, done.stderr
         assert "give --count and --set /surface/volume/isovalue=V\n" in done.stderr, done.stderr
+    spec = re.search(r"if the values are labels, submit this spec: ({.*})", done.stderr)[1]
+    done = subprocess.run([service.build / "hexadctl", "submit", "-", "--wait", "--set", "/sampling/count=300"], input=spec,
+                          capture_output=True, text=True, timeout=PATIENCE_S, env=service.environment())
+    assert "use surface.volume with an isovalue" in done.stdout, done.stdout  # the file was found; its values are no labels
     done = sample(example, of=service)
     assert done.returncode == 1, done.stderr
     assert ("does not inspect files: the setting estimates is 0" if options[1] == 0 else "inspection took longer than 0.01 s") in done.stderr

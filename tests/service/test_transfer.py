@@ -408,6 +408,29 @@ def test_the_name_of_an_upload_is_shown_to_its_sender_only(shared_by, tmp_path):
     assert inputs_seen_by("alice") == {"alice": None, "bob": None, "root": None}
 
 
+def test_messages_name_an_upload_to_its_sender_only(shared_by):
+    service = shared_by()
+    broken = b"ply\nformat ascii 1.0\nelement vertex 3\n"
+    name = hashlib.sha256(broken).hexdigest()
+    assert service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of("my scan.v2.ply"), raw=broken).status == 201
+    job = service.ask("alice", "POST", "/v1/jobs", mesh(f"sha256:{name}.ply")).json["id"]
+    ended = service.ask("alice", "GET", f"/v1/jobs/{job}", Prefer=f"wait={PATIENCE_S}")
+    assert ended.json["state"] == "failed"
+
+    def messages_seen_by(user):
+        answers = service.ask(user, "GET", f"/v1/jobs/{job}").json, service.ask(user, "GET", "/v1/jobs").json["jobs"][0]
+        tasks = service.ask(user, "GET", f"/v1/jobs/{job}/tasks").json["tasks"]
+        return {answer["error"]["message"] for answer in (*answers, *tasks)}
+
+    (stored,) = messages_seen_by("root")
+    assert f"sha256:{name}.ply" in stored
+    named = stored.replace(f"sha256:{name}.ply", f"my scan.v2.ply (sha256:{name[:8]}...)")
+    assert messages_seen_by("alice") == {named}
+    assert service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of("b.ply"), raw=b"").status == 200
+    fresh = service.ask("alice", "GET", f"/v1/jobs/{job}", **{"If-None-Match": ended.headers["ETag"]})
+    assert fresh.status == 200 and fresh.json["error"]["message"] == named.replace("my scan.v2.ply", "b.ply")
+
+
 @pytest.mark.sanitized
 def test_the_name_of_a_shared_upload_belongs_to_each_user(shared_by):
     service = shared_by("--share_inputs", 1)

@@ -17,7 +17,7 @@ from readers import Points, read_exr, read_mesh, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
 OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
-PHASES = ["load", "start", "relax", "measure", "curvature", "write"]
+PHASES = ["load", "start", "relax", "measure", "curvature", "weights", "write"]
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
 
 

@@ -199,7 +199,8 @@ class Client(Service):
         if isinstance(file, bytes):
             return self.send(hashlib.sha256(file).hexdigest(), file, None) + (suffix or "")
         path = pathlib.Path(file)
-        return self.send(hash_file(path), path, path.name) + (path.suffix if suffix is None else suffix)
+        ending = "".join(path.suffixes[-2:]) if path.suffix == ".gz" else path.suffix
+        return self.send(hash_file(path), path, path.name) + (ending if suffix is None else suffix)
 
     def send(self, sha256: str, body: bytes | pathlib.Path, name: str | None) -> str:
         try:

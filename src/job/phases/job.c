@@ -802,10 +802,6 @@ bool job_write_points(job *j, error *e)
     in.thin = (double)s->measures.thin_count > THIN_PICTURE * (double)p->count;
     in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
     j->attributes.kept = j->given.kept;
-    if (!job_weigh(j, s, e)) {
-        free(turned);
-        return false;
-    }
     j->attributes.weight = j->weights.value;
     json_free(j->report);
     j->report = json_new_object();

@@ -21,6 +21,7 @@
     ENTRY(prefix, RELAX, "relax")         \
     ENTRY(prefix, MEASURE, "measure")     \
     ENTRY(prefix, CURVATURE, "curvature") \
+    ENTRY(prefix, WEIGHTS, "weights")     \
     ENTRY(prefix, WRITE, "write")
 
 typedef enum progress_phase { PROGRESS_LIST(WORDS_ENUMERATOR, PROGRESS) PROGRESS_PHASES } progress_phase;

@@ -82,6 +82,12 @@ static bool find_curvature(job *j, error *e)
     return job_find_curvature(j, &j->solution, e);
 }
 
+static bool weigh(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_WEIGHTS);
+    return job_weigh(j, &j->solution, e);
+}
+
 static bool write_results(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_WRITE);
@@ -132,8 +138,8 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
 
 bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
 {
-    static job_phase *const phases[] = {job_load,       start,          relax,
-                                        measure_result, find_curvature, write_results};
+    static job_phase *const phases[] = {job_load,       start, relax,        measure_result,
+                                        find_curvature, weigh, write_results};
     job j = {.spec = s, .options = options};
     if (s->attach) return attach_run(s, options, outcome, report, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar, options->listener);

@@ -59,7 +59,9 @@ bool time_target_fill(job *j, error *e)
         j->solution = next;
         if (p.runs > 1) continue;
         int64_t begin = clock_monotonic_ms();
-        if (!job_find_curvature(j, &j->solution, e) || !job_write_points(j, e)) return false;
+        if (!job_find_curvature(j, &j->solution, e) || !job_weigh(j, &j->solution, e) ||
+            !job_write_points(j, e))
+            return false;
         write_s = TAIL_SLACK * clock_seconds(clock_monotonic_ms() - begin);
     }
     if (p.runs > 0 && job_seconds_left(j) > 0) return true;

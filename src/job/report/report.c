@@ -121,6 +121,12 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
                                      solver_spacing(facts->solver));
     if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
+    if (facts->result->outcome != OUTCOME_CONVERGED && facts->source->whole.volume &&
+        volume_describe(facts->source->whole.volume)->two_values)
+        advice_append(advice, "mask",
+                      "the volume has two values, as a mask: its surface at an isovalue has the steps of the "
+                      "voxels. Give the file as /surface/labels in place of /surface/volume, which makes "
+                      "interfaces of labels.");
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
 }
 
