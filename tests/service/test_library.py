@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import typing
+import warnings
 import zipfile
 
 import numpy
@@ -532,17 +533,58 @@ def test_keywords_are_the_members_of_sampling_and_of_surfaces():
     assert set(typing.get_type_hints(spec.SampleMembers)) == set().union(*map(members_of, kinds)) - {"path", "count"}
 
 
-def test_an_unresolved_result_is_a_warning():
-    thin = formula({"count": 100}, shape="torus", major_radius=1, minor_radius=0.02)
-    with pytest.warns(hexad.OutcomeWarning, match="unresolved"):
-        points = hexad.sample({**thin, "outcome": {"require": {"hex_fraction": 0.5}}})
-    assert points.count == 100 and points.outcome == "unresolved"
+def test_the_warning_of_an_outcome_states_the_criterion_that_failed():
+    """The torus is resolved: only the required regularity is missed."""
+    with pytest.warns(hexad.OutcomeWarning, match="the outcome is unresolved: .*hex_fraction") as told:
+        points = hexad.sample({**formula(), "outcome": {"require": {"hex_fraction": 1}}})
+    assert points.count == 300 and points.outcome == "unresolved" and "thin" not in str(told[0].message)
+    assert points.outcome_reasons[0]["message"] in str(told[0].message)
 
 
 def test_a_result_that_has_not_converged_is_a_warning():
-    with pytest.warns(hexad.OutcomeWarning, match="not_converged") as told:
+    with pytest.warns(hexad.OutcomeWarning, match="not_converged: rms_step: .* Raise solver.max_sweeps") as told:
         points = hexad.sample({**formula(), "solver": {"max_sweeps": 1}})
     assert points.count == 300 and points.outcome == "not_converged" and told[0].filename == __file__
+    assert "not_converged" in repr(points)
+
+
+def test_the_report_has_attributes_of_the_points():
+    points = hexad.sample(formula())
+    assert points.outcome_reasons == points.advice == points.warnings == []
+    assert points.ratings["hex_fraction"]["rating"] == "good"
+
+
+TWICE = (BALL.vertices, numpy.concatenate([BALL.triangles, BALL.triangles[:5]]))
+
+
+def test_warnings_of_the_report_are_warnings():
+    with pytest.warns(hexad.SurfaceWarning, match="5 of .* triangles") as told:
+        points = hexad.sample(*TWICE, count=300)
+    assert [str(each.message) for each in told if each.category is hexad.SurfaceWarning] == points.warnings
+    assert told[0].filename == __file__
+
+
+UNCONVERGED = {**formula(), "solver": {"max_sweeps": 1}}
+
+
+def test_sample_many_warns_once_and_leaves_the_filters():
+    surfaces = [solid(BALL), UNCONVERGED, TWICE, UNCONVERGED, solid(BALL)] * 4
+    before = list(warnings.filters)
+    with pytest.warns() as told:
+        hexad.sample_many(surfaces, 300, processors=4)
+    words = {each.category: str(each.message) for each in told}
+    assert len(told) == 2 and all(each.filename == __file__ for each in told) and warnings.filters == before
+    assert "8 of 20 surfaces are not_converged: 1, 3, 6, 8, 11, 13, 16, 18. surfaces[1]: rms_step" in words[hexad.OutcomeWarning]
+    assert "4 of 20 surfaces have warnings: 2, 7, 12, 17. surfaces[2]: " in words[hexad.SurfaceWarning]
+
+
+def test_sample_many_returns_the_batch_where_a_filter_makes_warnings_exceptions():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = hexad.sample_many([solid(BALL), UNCONVERGED, TWICE], 300)
+    assert made.outcomes == ["converged", "not_converged", "converged"] and not numpy.isnan(made.positions).any()
+    assert made.errors[0] is None
+    assert [str(error)[:30] for error in made.errors[1:]] == ["surfaces[1] is not_converged: ", "surfaces[2] has warnings: 5 of"]
 
 
 def test_an_interrupt_ends_sample_many(library):

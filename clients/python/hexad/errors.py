@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "Unreachable", "WaitTimeout"]
+__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "SurfaceWarning", "Unreachable", "WaitTimeout"]
 
 
 class HexadError(Exception):
@@ -21,6 +21,10 @@ class FaultWarning(UserWarning):
 
 class OutcomeWarning(UserWarning):
     """The outcome of a call is not `converged`."""
+
+
+class SurfaceWarning(UserWarning):
+    """A warning in the report of a call: what hexad repaired, assumed or could not resolve."""
 
 
 class Damaged(HexadError):

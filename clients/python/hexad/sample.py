@@ -8,7 +8,7 @@ import warnings
 from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence, Union
 
 from . import spec as spec_module
-from .errors import HexadError, OutcomeWarning
+from .errors import HexadError, OutcomeWarning, SurfaceWarning
 from .job import PathLike, with_version
 from .library import Job, Progress, load_numpy
 from .points import Points
@@ -21,8 +21,8 @@ __all__ = ["Samples", "Sampled", "sample", "sample_many"]
 VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".tif", ".tiff", ".zarr", ".ome.zarr")
 Properties = Union[str, Sequence[str]]
 SURFACES = {"mesh": "SurfaceMesh", "volume": "SurfaceVolume", "labels": "SurfaceLabels", "vdb": "SurfaceVdb"}
-MEANING = {"unresolved": "the points do not represent the surface: walls are thinner than the spacing",
-           "not_converged": "the points may still move"}
+CONVERGED = "converged"
+SHOWN = 10  # indices in a warning of sample_many
 
 
 class Keywords(spec_module.SampleMembers, total=False):
@@ -47,6 +47,12 @@ class Sampled(Points):
     triangles: with mesh=True, an array (T, 3)
     report: the report as a dict (doc/report.md)
     outcome: converged, unresolved or not_converged
+    outcome_reasons: the criteria of the outcome that failed: `criterion`, `value`, `bound` and `message` of each
+    advice: changes to the spec: `code`, `message` and `set` of each
+    ratings: how regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None
+    warnings: what hexad repaired, assumed or could not resolve
+
+    len() is the number of properties, as of every mapping; `count` is the number of points.
     """
 
     def __init__(self, arrays: dict[str, Any], report: dict[str, Any]) -> None:
@@ -56,6 +62,29 @@ class Sampled(Points):
             columns.update(zip(("nx", "ny", "nz"), arrays["normal"].T))
         super().__init__({**columns, **arrays}, len(arrays["position"]), triangles)
         self.report, self.outcome = report, str(report["outcome"])
+
+    def __repr__(self) -> str:
+        return f"<{self.count} points, {self.outcome}, with {', '.join(self.columns)}>"
+
+    @property
+    def outcome_reasons(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = self.report["outcome_reasons"]
+        return found
+
+    @property
+    def advice(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = self.report["advice"]
+        return found
+
+    @property
+    def ratings(self) -> dict[str, dict[str, Any]]:
+        found: dict[str, dict[str, Any]] = self.report["ratings"]
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        found: list[str] = self.report["surface"]["warnings"]
+        return found
 
     @property
     def positions(self) -> Any:
@@ -191,6 +220,13 @@ def run(spec: Mapping[str, Any], directory: PathLike | None, roots: Sequence[Pat
     return Sampled(job.arrays(), job.report())
 
 
+def first_reason(points: Sampled) -> str:
+    """Why an outcome is not converged: the message of the first criterion that failed."""
+    messages = [str(reason["message"]) for reason in points.outcome_reasons]
+    more = f" outcome_reasons has {len(messages)} messages." if len(messages) > 1 else ""
+    return " ".join(messages[:1]) + more + (" advice has values for the spec." if points.advice else "")
+
+
 def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine: Any = None, seed: int | None = None,
            threads: int | None = None, region: spec_module.Region | None = None,
            attributes: Sequence[spec_module.AttributesItem] | None = None, mesh: bool | None = None,
@@ -212,8 +248,23 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     count: the number of points
     keywords: further members of `sampling` (spacing, curvature, pattern, points, ...) and of the surface (isovalue, features, ...)
 
-    A call that fails raises JobFailed with a code. The outcomes unresolved and not_converged are warnings.
+    A call that fails raises JobFailed with a code. The outcomes unresolved and not_converged are warnings (OutcomeWarning), and so
+    are the warnings of the report about the surface (SurfaceWarning).
     """
+    made = sample_quietly(surface, faces, count=count, affine=affine, seed=seed, threads=threads, region=region, attributes=attributes,
+                          mesh=mesh, properties=properties, directory=directory, roots=roots, progress=progress, **keywords)
+    for text in dict.fromkeys(made.warnings):
+        warnings.warn(text, SurfaceWarning, 2)
+    if made.outcome != CONVERGED:
+        warnings.warn(f"the outcome is {made.outcome}: {first_reason(made)}", OutcomeWarning, 2)
+    return made
+
+
+def sample_quietly(surface: Any, faces: Any = None, *, count: int | None = None, affine: Any = None, seed: int | None = None,
+                   threads: int | None = None, region: Any = None, attributes: Any = None, mesh: bool | None = None,
+                   properties: Properties | None = None, directory: PathLike | None = None, roots: Sequence[PathLike] = (),
+                   progress: Progress | None = None, **keywords: Any) -> Sampled:
+    """`sample` without Python's warnings, whose filters belong to the whole process."""
     members: dict[str, Any] = dict(keywords)
     if count is not None:
         members["count"] = count
@@ -232,10 +283,21 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     put(spec, "output", "mesh", mesh)
     if properties is not None:
         put(spec, "output", "ply", {**spec.get("output", {}).get("ply", {}), "properties": properties})
-    made = run(spec, directory, roots, progress)
-    if made.outcome in MEANING:
-        warnings.warn(f"the outcome is {made.outcome}: {MEANING[made.outcome]} (see report['advice'])", OutcomeWarning, 2)
-    return made
+    return run(spec, directory, roots, progress)
+
+
+def warn_of_batch(made: Samples, kind: type[Warning], texts: Mapping[int, str], one: str, several: str) -> None:
+    """One warning of some surfaces of a batch. If a filter makes it an exception, these surfaces have an error: the batch is returned."""
+    if not texts:
+        return
+    listed = sorted(texts)
+    shown = ", ".join(map(str, listed[:SHOWN])) + (f" and {len(listed) - SHOWN} more" if len(listed) > SHOWN else "")
+    try:
+        warnings.warn(f"{len(listed)} of {len(made.outcomes)} surfaces {one if len(listed) == 1 else several}: {shown}. surfaces[{listed[0]}]: {texts[listed[0]]}",
+                      kind, 3)
+    except kind:
+        for k in listed:
+            made.errors[k] = made.errors[k] or HexadError(f"surfaces[{k}] {one}: {texts[k]}")
 
 
 Surface = Union[PathLike, Sequence[Any], Mapping[str, Any], Any]
@@ -254,6 +316,8 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
     listed = list(surfaces)
     made = Samples(len(listed), count)
     stopped: list[bool] = []
+    reasons: dict[int, str] = {}  # of outcomes
+    texts: dict[int, str] = {}  # of surfaces
     follow = keywords.get("progress")
 
     def hear(phase: str, fraction: float) -> bool:
@@ -266,13 +330,15 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
         if not isinstance(pair[0], Mapping):
             members["count"] = count
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", OutcomeWarning)
-                points = sample(*pair, **members)
+            points = sample_quietly(*pair, **members)
             if points.count != count:
                 raise HexadError(f"surface {k} has {points.count} points instead of {count}")
             made.positions[k], made.normals[k] = points.positions, points.normals
             made.outcomes[k] = points.outcome
+            if points.outcome != CONVERGED:
+                reasons[k] = first_reason(points)
+            if points.warnings:
+                texts[k] = points.warnings[0]
         except HexadError as fault:
             made.errors[k] = fault
 
@@ -286,4 +352,8 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
             for left in waiting:
                 left.cancel()
             raise
+    warn_of_batch(made, SurfaceWarning, texts, "has warnings", "have warnings")
+    for outcome in ("unresolved", "not_converged"):
+        warn_of_batch(made, OutcomeWarning, {k: text for k, text in reasons.items() if made.outcomes[k] == outcome},
+                      f"is {outcome}", f"are {outcome}")
     return made
