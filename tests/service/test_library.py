@@ -252,7 +252,7 @@ def test_specs_that_a_call_refuses(spec, code, words):
 
 def test_an_array_without_a_place_in_the_spec_is_refused(library):
     from hexad.library import Job
-    job = Job({"version": 1, **formula()})
+    job = Job(json.dumps({"version": 1, **formula()}))
     job.add_points("left over", ON_BALL)
     with pytest.raises(hexad.JobFailed, match="left over"):
         job.run(None)
@@ -515,7 +515,15 @@ def test_points_outlive_the_call():
 
 
 @pytest.mark.parametrize("call, words", [
-    (lambda: hexad.sample(*solid(BALL), cont=10), "cont is a member neither"),
+    (lambda: hexad.sample(*solid(BALL), cuont=10), "cuont is no argument: did you mean count?"),
+    (lambda: hexad.sample(*solid(BALL), count=10, isovalue=0), "a member of surface.volume, and the surface is a mesh"),
+    *((lambda group=group: hexad.sample(*solid(BALL), count=10, **{group: {}}), f"{group} is no argument but a group of the spec: give a spec")
+      for group in ("outcome", "limits", "solver")),
+    (lambda: hexad.sample(*solid(BALL), count=10, curvature={"ratio": object()}), "neither a number"),
+    (lambda: hexad.sample((*solid(BALL), None, None), count=10), "a tuple of 4 is no surface"),
+    (lambda: hexad.sample([[0, 0, 0], [1, 0]], BALL.triangles, count=10), "vertices has rows of unequal lengths"),
+    (lambda: hexad.sample(BALL.vertices, [0, 1, 2], count=10), "faces is no list of polygons"),
+    (lambda: hexad.sample((density(), numpy.eye(4)), isovalue=0, affine=numpy.eye(4), count=10), "affine is given twice"),
     (lambda: hexad.sample(density(), count=10), "isovalue"),
     (lambda: hexad.sample({**formula()}, count=10), "count"),
     (lambda: hexad.sample(BALL.vertices, count=10), "is no surface"),
@@ -524,6 +532,21 @@ def test_points_outlive_the_call():
 def test_calls_that_are_wrong(call, words):
     with pytest.raises((TypeError, hexad.HexadError), match=words):
         call()
+
+
+def test_a_surface_may_be_one_argument():
+    """As an item of sample_many and as a path of a spec."""
+    assert hexad.sample(solid(BALL), count=300).positions.tobytes() == hexad.sample(*solid(BALL), count=300).positions.tobytes()
+    in_a_tuple = hexad.sample((density(), OBLIQUE), isovalue=0, count=300)
+    assert in_a_tuple.positions.tobytes() == hexad.sample(density(), affine=OBLIQUE, isovalue=0, count=300).positions.tobytes()
+
+
+@pytest.mark.parametrize("call", [
+    lambda: hexad.sample(solid(BALL), cuont=3), lambda: hexad.sample(BALL.vertices, [0, 1, 2], count=10)])
+def test_errors_of_python_have_no_code(call):
+    with pytest.raises((TypeError, hexad.HexadError)) as found:
+        call()
+    assert getattr(found.value, "code", None) is None
 
 
 def test_keywords_are_the_members_of_sampling_and_of_surfaces():
@@ -598,13 +621,64 @@ def test_an_interrupt_ends_sample_many(library):
     assert "KeyboardInterrupt" in words and process.returncode == -signal.SIGINT
 
 
+BROKEN = (BALL.vertices, BALL.triangles + 1000)
+
+
 def test_sample_many():
-    surfaces = [turned(BALL, k) for k in range(4)] + [(BALL.vertices, BALL.triangles + 1000), formula({"count": 300})]
-    made = hexad.sample_many(surfaces, 300)
+    surfaces = [turned(BALL, k) for k in range(4)] + [BROKEN, formula(), grid(density(), OBLIQUE)]
+    made = hexad.sample_many(surfaces[:-1], 300)
     assert made.positions.shape == (6, 300, 3)
     failed = [error is not None for error in made.errors]
     assert failed == [False] * 4 + [True, False] and made.errors[4].code == "input_damaged"
+    assert str(made.errors[4]).startswith("input_damaged: surfaces[4]: faces[0, 0] is 1048")
     assert numpy.isnan(made.positions).all(axis=(1, 2)).tolist() == failed
-    assert [outcome is None for outcome in made.outcomes] == failed
+    assert [outcome is None for outcome in made.outcomes] == [report is None for report in made.reports] == failed
+    assert made.reports[5]["count"] == 300 and made.reports[5]["surface"]["area"] > 0
     for k in range(4):
         assert made.positions[k].tobytes() == hexad.sample(*surfaces[k], count=300).positions.tobytes()
+    volumes = hexad.sample_many([grid(density(), OBLIQUE), density()], 300, isovalue=0)
+    assert volumes.positions[0].tobytes() == hexad.sample(density(), affine=OBLIQUE, isovalue=0, count=300).positions.tobytes()
+    assert volumes.errors == [None, None]
+
+
+@pytest.mark.parametrize("item, words", [
+    (BROKEN, "input_damaged: surfaces[1]: faces[0, 0] is 1048"),
+    ((BALL.vertices,), "surfaces[1]: a tuple of 1 is no surface"),
+    (([[0, 0, 0], [1, 0]], BALL.triangles), "surfaces[1]: the surface has rows of unequal lengths"),
+    ((BALL.vertices, [[0, 1, 2], [0, 2, 3, "x"]]), "surfaces[1]: faces"),
+    ((BALL.vertices[:, :2], BALL.triangles), "spec_invalid: surfaces[1]: vertices has rows of 2 numbers"),
+    ((BALL.vertices, BALL.triangles, None, 3), "surfaces[1]: a tuple of 4"),
+    (density(), "surfaces[1]: a volume requires isovalue"),
+    (None, "surfaces[1]: None is no surface"),
+    ("/none.obj", "input_missing: surfaces[1]: "),
+    ({}, "spec_invalid: surfaces[1]: /surface"),
+    ({"surface": {"mesh": {"path": BROKEN}}}, "input_damaged: surfaces[1]/surface/mesh: faces[0, 0]"),
+    (formula({"spacing": 0.1, "count": 300}), "surfaces[1]: /sampling/spacing gives unequal numbers"),
+    (formula({"count": 200}), "surfaces[1]: /sampling/count is 200, and the batch has 300"),
+])
+def test_a_wrong_surface_does_not_end_its_batch(item, words):
+    made = hexad.sample_many([solid(BALL), item, solid(BALL)], 300)
+    assert made.outcomes == ["converged", None, "converged"] and str(made.errors[1]).startswith(words), made.errors[1]
+
+
+@pytest.mark.parametrize("keywords, words", [
+    ({"cuont": 3}, "did you mean count"), ({"mesh": True}, "mesh: a batch returns positions"), ({"properties": "all"}, "properties: a batch"),
+    ({"spacing": 0.1}, "spacing gives unequal numbers"), ({"density": 3}, "density gives unequal"), ({"isovalue": 0}, "surface is a mesh"),
+    ({"curvature": {"ratoi": 3}}, "did you mean 'ratio'"), ({"seed": "x"}, "/solver/seed"), ({"limits": {}}, "group of the spec"),
+    ({"points": [[0, 0]]}, "points has rows of 2 numbers"), ({"affine": numpy.eye(3)}, "affine has the shape"),
+    ({"count": 0}, "count is 0"), ({"processors": -1}, "processors is -1"), ({"count": "many"}, "integer"),
+    ({"region": {"min": [0, 0]}}, "/region"),
+])
+def test_a_wrong_argument_of_a_batch_is_raised(keywords, words):
+    with pytest.raises((TypeError, ValueError, hexad.HexadError), match=words):
+        hexad.sample_many([solid(BALL), BROKEN, solid(BALL)], **{"count": 300, **keywords})
+
+
+def test_progress_of_a_batch_counts_surfaces_and_cancels():
+    told = []
+    hexad.sample_many([solid(BALL), None, BROKEN], 300, progress=lambda *at: told.append((threading.get_ident(), *at)))
+    assert {thread for thread, *_ in told} == {threading.get_ident()}
+    assert told[0][1:] == (1, 3) and told[-1][1:] == (3, 3) and told == sorted(told)
+    made = hexad.sample_many([solid(BALL)] * 2 + [{**ENDLESS, "sampling": {}}] * 3, 300, processors=1, progress=lambda done, _: done == 2)
+    assert made.outcomes == ["converged"] * 2 + [None] * 3 and not numpy.isnan(made.positions[:2]).any()
+    assert [error.code for error in made.errors[2:]] == ["cancelled"] * 3
