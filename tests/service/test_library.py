@@ -206,7 +206,7 @@ TWO = numpy.array([[0, 1, 2], [0, 2, 3]])
     (SQUARE, TWO + 2, "faces[0, 2] is 4"),
     (SQUARE, TWO - 1, "faces[0, 0] is -1"),
     (numpy.full_like(SQUARE, numpy.nan), TWO, "not finite"),
-    (SQUARE, TWO[:0], "no triangles"),
+    (SQUARE, TWO[:0], "faces has no rows, and vertices has 4: give the triangles"),
     (SQUARE[:0], TWO, "faces[0, 0] is 0"),
     (SQUARE, (TWO.ravel(), numpy.array([3, 4])), "counts[1] is 4"),
     (SQUARE, (TWO.ravel(), numpy.array([3, -1])), "counts[1] is -1"),
@@ -390,18 +390,20 @@ def test_files_outside_the_roots_are_refused(tmp_path):
     assert found.value.code == "path_forbidden"
 
 
-def test_without_the_worker_a_file_is_an_error_with_the_reason(monkeypatch):
+def test_without_the_worker_a_file_is_an_error_with_the_reason(monkeypatch, tmp_path):
+    BALL.write(tmp_path / "ball.obj")
     monkeypatch.setenv("HEXAD_WORKER", "/none/hexad-worker")
     with pytest.raises(hexad.JobFailed, match="/none/hexad-worker, which cannot be started: No such file"):
-        hexad.sample("/some.obj", count=100)
+        hexad.sample(tmp_path / "ball.obj", count=100)
 
 
 def test_a_worker_that_dies_is_an_error(monkeypatch, tmp_path):
     (tmp_path / "dies").write_text("#!/bin/sh\nkill -9 $$\n")
     (tmp_path / "dies").chmod(0o755)
     monkeypatch.setenv("HEXAD_WORKER", str(tmp_path / "dies"))
+    BALL.write(tmp_path / "ball.obj")
     with pytest.raises(hexad.JobFailed) as found:
-        hexad.sample("/some.obj", count=100)
+        hexad.sample(tmp_path / "ball.obj", count=100)
     assert found.value.code == "internal"
 
 
@@ -522,11 +524,14 @@ def test_points_outlive_the_call():
     (lambda: hexad.sample(*solid(BALL), count=10, curvature={"ratio": object()}), "neither a number"),
     (lambda: hexad.sample((*solid(BALL), None, None), count=10), "a tuple of 4 is no surface"),
     (lambda: hexad.sample([[0, 0, 0], [1, 0]], BALL.triangles, count=10), "vertices has rows of unequal lengths"),
+    (lambda: hexad.sample(BALL.vertices, [], count=10), "faces has no rows"),
     (lambda: hexad.sample(BALL.vertices, [0, 1, 2], count=10), "faces is no list of polygons"),
     (lambda: hexad.sample((density(), numpy.eye(4)), isovalue=0, affine=numpy.eye(4), count=10), "affine is given twice"),
     (lambda: hexad.sample(density(), count=10), "isovalue"),
     (lambda: hexad.sample({**formula()}, count=10), "count"),
     (lambda: hexad.sample(BALL.vertices, count=10), "is no surface"),
+    (lambda: hexad.sample(*solid(BALL), count=10, points={"path": ON_BALL, "mode": "keep"}), "points: 18 points are given, and the count"),
+    (lambda: hexad.sample("/none/ball.obj", count=10), "cannot read /none/ball.obj: No such file"),
     (lambda: hexad.sample(BALL.vertices.astype(object).astype(str), BALL.triangles, count=10), "not a number"),
 ])
 def test_calls_that_are_wrong(call, words):

@@ -136,6 +136,8 @@ def with_counts(faces: Any) -> tuple[Any, Any]:
         return faces, None
     try:
         counts = numpy.array([len(face) for face in faces])
+        if not counts.size:
+            raise HexadError("faces has no rows: give the triangles")
         if len(set(counts.tolist())) == 1:
             return faces, None
         return numpy.concatenate([numpy.asarray(face, None if len(face) else "int64") for face in faces]), counts
