@@ -539,6 +539,19 @@ def test_calls_that_are_wrong(call, words):
         call()
 
 
+def test_points_are_a_mapping_of_their_properties():
+    points = hexad.sample(*solid(BALL), count=300)
+    assert len(points) == len(list(points)) == len(dict(points)) and points.count == 300
+
+
+def test_a_mask_is_labels():
+    i = numpy.indices((20, 20, 20)) - 9.5
+    mask = (i ** 2).sum(0) < 49
+    points = hexad.sample({"surface": {"labels": {"path": mask, "background": 0}}, "sampling": {"count": 1000}})
+    radius = numpy.linalg.norm(points.positions - 9.5, axis=1)
+    assert abs(radius - 7).max() < 0.5 and (points.normals * (points.positions - 9.5)).sum(1).min() > 0
+
+
 def test_a_surface_may_be_one_argument():
     """As an item of sample_many and as a path of a spec."""
     assert hexad.sample(solid(BALL), count=300).positions.tobytes() == hexad.sample(*solid(BALL), count=300).positions.tobytes()

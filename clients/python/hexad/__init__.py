@@ -1,5 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""hexad turns surfaces into points: a function on arrays (`sample`), and a client of the service."""
+"""hexad turns surfaces into points.
+
+`sample` is a function on arrays of NumPy, and needs no service:
+
+    >>> import hexad
+    >>> points = hexad.sample(vertices, faces, count=10_000)      # a mesh: (V, 3) and (F, 3)
+    >>> points = hexad.sample(volume, isovalue=0.5, count=10_000)
+    >>> points.positions, points.normals, points["spacing"], points.outcome, points.report
+
+help(hexad.sample) lists its arguments. `sample_many` puts the same number of points on each of many surfaces.
+
+`Client` is a client of the service, and `Local` runs the same jobs on this machine.
+"""
 from .client import Client, RemoteJob
 from .errors import Damaged, FaultWarning, HexadError, JobFailed, OutcomeWarning, Problem, SurfaceWarning, Unreachable, WaitTimeout
 from .events import Event

@@ -60,7 +60,7 @@ class Sampled(Points):
     ratings: how regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None
     warnings: what hexad repaired, assumed or could not resolve
 
-    len() is the number of properties, as of every mapping; `count` is the number of points.
+    count: the number of points; len() is the number of properties, as of every mapping
     """
 
     def __init__(self, arrays: dict[str, Any], report: dict[str, Any]) -> None:
@@ -326,7 +326,8 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     properties: output.ply.properties of the spec: the names of the properties that the points have (default: all). "minimal": positions
         and normals. Without `kappa` the curvature of a mesh is not computed, which saves time
     directory, roots: where files are, and below which directories they must be; for a spec
-    progress: a function of the phase and the fraction; if its result is true, the call is cancelled
+    progress: a function of the phase (load, start, relax, measure, curvature, write) and the fraction of the whole call, 0 to 1, which
+        never falls; if its result is true, the call is cancelled
     count: the number of points
     keywords: further members of `sampling` (spacing, curvature, pattern, points, ...) and of the surface (isovalue, features, ...)
 
