@@ -651,6 +651,7 @@ def test_sample_many():
     assert str(made.errors[4]).startswith("input_damaged: surfaces[4]: faces[0, 0] is 1048")
     assert numpy.isnan(made.positions).all(axis=(1, 2)).tolist() == failed
     assert [outcome is None for outcome in made.outcomes] == [report is None for report in made.reports] == failed
+    assert set(made.reports[5]) == set(hexad.sample(formula()).report) - {"sweeps"}
     assert made.reports[5]["count"] == 300 and made.reports[5]["surface"]["area"] > 0
     for k in range(4):
         assert made.positions[k].tobytes() == hexad.sample(*surfaces[k], count=300).positions.tobytes()
