@@ -378,6 +378,7 @@ bad7 = hexad.sample("a.obj", cuont=10)  # wrong
 bad8 = hexad.sample("a.obj", count=10, pattern="blue noise")  # wrong
 bad9 = hexad.sample_many(["a.obj"], 10, isovalue="0.5")  # wrong
 bad10: int = ball.outcome  # wrong
+bad11 = hexad.sample_many(["a.obj"], 10, mesh=True)  # wrong
 bad6: str = hexad.Client().submit(good).points().count  # wrong
 """
 
