@@ -3,13 +3,15 @@
  * with neither, and the judgement of its triangles on the way to a level set; and the same bytes as files
  * that this process reads itself. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "fuzz/target.h"
 #include "surface/levelset/levelset.h"
+#include "io/meshes/collada_textures.h"
 #include "io/meshes/content_end.h"
 #include "io/meshes/mesh_file.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/plain_textures.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
 
@@ -62,7 +64,7 @@ static void read_values(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, &values, NULL, &e);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, &values, NULL, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < values.count; k++) {
         const mesh_reader_values *head = &values.head[k];
@@ -85,7 +87,7 @@ static void read_polygons(const uint8_t *data, size_t size)
     mesh_notes notes = {0};
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, NULL, &polygons, &e);
+    bool ok = mesh_file_parse(&from, memory, &told, &m, &notes, NULL, &polygons, NULL, &e);
     expect(ok || *e.message);
     for (size_t k = 0; ok && k < polygons.count; k++)
         for (size_t c = polygons.first[k]; c < polygons.first[k + 1]; c++)
@@ -107,6 +109,57 @@ static void read_plain(const char *ending, const char *data, size_t size)
     plain_mesh_free(&m);
 }
 
+/* A file with its textures, or a file of materials (mtl). */
+static void read_textures(const char *ending, const char *data, size_t size)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    const bool is_mesh = strcmp(ending, "mtl") != 0;
+    const bool ok = is_mesh ? plain_mesh_read_textures(ending, data, size, &textures, &m)
+                            : plain_textures_read_mtl(data, size, &m);
+    const mesh_textures *all = &textures.all;
+    expect(ok || !is_mesh || m.refused == ERROR_NONE || *m.text);
+    for (size_t k = 0; ok && k < all->materials; k++)
+        expect(all->material[k].image == MESH_TEXTURES_NONE || all->material[k].image < all->images);
+    if (ok && is_mesh) expect(textures.polygons == m.polygons && textures.corners == m.polygon_corners);
+    for (size_t k = 0; ok && k < textures.polygons; k++)
+        expect(all->polygon_material[k] == MESH_TEXTURES_NONE || all->polygon_material[k] < all->materials);
+    plain_mesh_free(&m);
+    mesh_textures_free(&textures.all);
+}
+
+/* A COLLADA file, whose materials have the names of those in the corpus. */
+static void read_collada(const char *data, size_t size)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    mesh_material material = mesh_textures_white();
+    uint32_t index, set[2] = {0};
+    for (int k = 0; k < 2; k++) {
+        snprintf(material.name, sizeof material.name, "paint %d", k);
+        expect(plain_textures_add_material(&m, &material, &index));
+    }
+    expect(collada_textures_read(data, size, &m, set) || *m.text);
+    for (size_t k = 0; k < textures.all.materials; k++)
+        expect(textures.all.material[k].wrap[0] < MESH_WRAPS &&
+               textures.all.material[k].wrap[1] < MESH_WRAPS);
+    mesh_textures_free(&textures.all);
+}
+
+/* What the process answers of textures, of a number of corners that the bytes have room for. */
+static void parse_textures(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    mesh_textures t = {0};
+    reader from = {.stream = fmemopen((void *)data, size, "rb")};
+    expect(from.stream);
+    const bool ok = mesh_file_parse_textures(&from, memory, 2, 6, &t, &e);
+    expect(ok || *e.message);
+    for (size_t k = 0; ok && k < t.images; k++) expect(memchr(t.image[k].name, 0, sizeof t.image[k].name));
+    mesh_textures_free(&t);
+    fclose(from.stream);
+}
+
 /* The same bytes as files of each format. */
 static void read_files(const uint8_t *data, size_t size)
 {
@@ -122,6 +175,12 @@ static void read_files(const uint8_t *data, size_t size)
     read_plain("glb", copy, size);
     read_plain("3mf", copy, size);
     read_plain("npz", copy, size);
+    read_textures("obj", copy, size);
+    read_textures("ply", copy, size);
+    read_textures("glb", copy, size);
+    read_textures("3mf", copy, size);
+    read_textures("mtl", copy, size);
+    read_collada(copy, size);
     for (int k = 0; k < 3; k++) {
         size_t end = content_end((const char *[]){"stl", "off", "ply"}[k], copy, size);
         expect(end <= size);
@@ -144,10 +203,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     read_values(data, size);
     read_polygons(data, size);
     read_points(data, size);
+    parse_textures(data, size);
     read_files(data, size);
     reader from = {.stream = fmemopen((void *)data, size, "rb")};
     expect(from.stream);
-    if (mesh_file_parse(&from, memory, &told, &m, &notes, NULL, NULL, &e))
+    if (mesh_file_parse(&from, memory, &told, &m, &notes, NULL, NULL, NULL, &e))
         make_levelset(&m);
     else
         expect(*e.message);

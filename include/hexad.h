@@ -15,8 +15,8 @@
  *     hexad_job_free(job);
  *
  * A spec is a JSON text, as for hexad-worker: `hexad-worker spec-help` lists its members. The same spec, seed and build
- * give the same points in both, for any number of threads. `version` may be omitted. Of `output`, only order, orient
- * and mesh apply: results are arrays, not files. `queue` does not apply.
+ * give the same points in both, for any number of threads. `version` may be omitted. Of `output`, only order, orient,
+ * mesh and ply.properties (the arrays of the result) apply: results are arrays, not files. `queue` does not apply.
  *
  * Each path in the spec is the name of an array, or each is a file. Files are read by a child process: hexad-worker, at
  * the path in the environment variable HEXAD_WORKER, beside the library, or where it was installed. Without files, no

@@ -27,17 +27,41 @@ export function rowsOfReport(report) {
 const colour = name => () => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const LINES = ["--accent", "--warn"];
 
-const isTen = tick => tick === 0 || Math.abs(Math.log10(Math.abs(tick)) % 1) < 1e-6;
+const TICK_PX = 22; // least distance of two numbers on a scale that is not linear
 
-function optionsOf(quantity, words, width) {
+/** The numbers that such a scale may show, within its ends: 0, and 1, 2 and 5 times the powers of ten. */
+function candidates(_, __, least, most) {
+  const positive = [];
+  for (let power = -12; power <= 12; power++) for (const digit of [1, 2, 5]) positive.push(Number(`${digit}e${power}`));
+  return [...positive.map(value => -value).reverse(), 0, ...positive].filter(value => value >= least && value <= most);
+}
+
+/** Of these numbers those with space for their texts, the others as null: first 0, then powers of ten, then 5 and 2 times them. */
+function spaced(plot, ticks) {
+  const kept = new Set(), places = [], digitOf = tick => Number(Math.abs(tick).toExponential()[0]);
+  for (const digit of [0, 1, 5, 2]) {
+    for (const tick of ticks) {
+      const place = plot.valToPos(tick, "y");
+      if (digitOf(tick) !== digit || places.some(other => Math.abs(other - place) < TICK_PX)) continue;
+      kept.add(tick);
+      places.push(place);
+    }
+  }
+  return ticks.map(tick => (kept.has(tick) ? tick : null));
+}
+
+const tickOf = tick => (tick === null ? "" : tick && Math.abs(tick) < 1e-3 ? tick.toExponential() : numberOf(tick));
+
+export function optionsOf(quantity, words, width) {
   const line = {stroke: colour("--line"), width: 1};
   const axis = {stroke: colour("--dim"), grid: line, ticks: line};
-  const tens = {...line, filter: (_, ticks) => ticks.map(tick => (quantity.scale.distr === LINEAR || isTen(tick) ? tick : null))};
-  const values = (_, ticks) => ticks.map(tick => (tick === null ? "" : numberOf(tick)));
+  const values = (_, ticks) => ticks.map(tickOf);
+  const marked = {...line, filter: spaced};
+  const own = quantity.scale.distr === LINEAR ? {} : {splits: candidates, filter: spaced, grid: marked, ticks: marked};
   return {
     width, height: HEIGHT, legend: {show: false}, cursor: {y: false},
     scales: {x: {time: false}, y: quantity.scale},
-    axes: [{...axis, values, size: 32}, {...axis, grid: tens, ticks: tens, values, size: 68}],
+    axes: [{...axis, values, size: 32}, {...axis, values, size: 68, ...own}],
     series: [{}, ...words.map((word, i) => ({label: word, stroke: colour(LINES[i]), width: 1.5, dash: i ? [6, 4] : [], spanGaps: true, points: {show: false}}))],
   };
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of the service's input roots, to choose one from, or a sequence of numbered ones.
+// Files to choose one from: those of the service's input roots, or a sequence of numbered ones, and the uploads of the user.
 import {html, useEffect, useState} from "./preact.js";
-import {get, query} from "./api.js";
-import {Trouble} from "./parts.js";
+import {call, get, query} from "./api.js";
+import {Trouble, useAction} from "./parts.js";
 import {bytesOf, countOf, timeOf} from "./words.js";
 
 const PAGE = 500; // files in one request
@@ -102,4 +102,43 @@ export function Files({onChoose}) {
   const [path, setPath] = useState("");
   return html`<details onToggle=${e => setOpen(e.target.open)}><summary>From the service</summary>
     ${open && html`<${Listing} path=${path} onOpen=${setPath} onChoose=${onChoose} />`}</details>`;
+}
+
+/** The end of a name that identifies a format, such as ".obj" or ".nii.gz"; of other names "". */
+export const endingOf = name => /(\.nii)?\.[A-Za-z0-9]+$/i.exec(name)?.[0] ?? "";
+
+function Upload({upload, onChoose, onDeleted}) {
+  const {sha256, name, path, bytes, sent, job_count: jobs, unfinished_count: unfinished} = upload;
+  const word = name ?? `${sha256.slice(0, 12)}…`;
+  const question = `Delete the upload ${word}?${unfinished ? ` Your ${countOf(unfinished)} unfinished jobs can still read it.` : ""}`;
+  const [remove, error, busy] = useAction(async () => {
+    await call("DELETE", `v1/inputs/${sha256}`);
+    onDeleted();
+  });
+  return html`<tr><td class="name"><button type="button" class="plain" onClick=${() => onChoose(word, path + endingOf(name ?? ""))}>${word}</button>
+      ${jobs > 0 && html`<span class="detail">${countOf(jobs)} job${jobs === 1 ? "" : "s"}${unfinished ? `, ${countOf(unfinished)} unfinished` : ""}</span>`}<${Trouble} error=${error} /></td>
+    <td class="number">${bytesOf(bytes)}</td><td class="dim">${timeOf(sent)}</td>
+    <td><button type="button" disabled=${busy} aria-label=${`Delete ${word}`} onClick=${() => confirm(question) && remove()}>Delete …</button></td></tr>`;
+}
+
+function UploadListing({onChoose}) {
+  const [page, setPage] = useState(null);
+  const [error, setError] = useState(null);
+  const read = cursor => get(`v1/inputs${query({cursor, limit: ROWS})}`).then(
+    ({inputs, next}) => setPage(old => ({inputs: cursor ? [...old.inputs, ...inputs] : inputs, next})), setError);
+  useEffect(() => {
+    read(null);
+  }, []);
+  if (!page) return html`<${Trouble} error=${error} />`;
+  const drop = sha256 => setPage(old => ({...old, inputs: old.inputs.filter(upload => upload.sha256 !== sha256)}));
+  return html`<div class="scroll files" tabindex="0" role="region" aria-label="Your uploads"><table><tbody>
+    ${page.inputs.map(upload => html`<${Upload} key=${upload.sha256} upload=${upload} onChoose=${onChoose} onDeleted=${() => drop(upload.sha256)} />`)}</tbody></table></div>
+    ${!page.inputs.length && !page.next && html`<p class="dim">You have no uploads.</p>`}<${Trouble} error=${error} />
+    ${page.next && html`<button type="button" onClick=${() => read(page.next)}>More</button>`}`;
+}
+
+/** The uploads of the user. `onChoose(name, path)` */
+export function Uploads({onChoose}) {
+  const [open, setOpen] = useState(false);
+  return html`<details class="uploads" onToggle=${e => setOpen(e.target.open)}><summary>Your uploads</summary>${open && html`<${UploadListing} onChoose=${onChoose} />`}</details>`;
 }

@@ -254,15 +254,15 @@ function Attempts({job, frame, lines}) {
   const farm = attempts.some(attempt => attempt.host), waited = attempts.some(attempt => attempt.waited_ms);
   const endOf = ({reason, exit_status: status, finished}) =>
     (reason === `exit status ${status}` && ENDS[status]) || reason || (finished ? `exit status ${status}` : "running");
-  return html`<section aria-label="Attempts"><h2>Attempts</h2><div class="scroll" tabindex="0" role="region" aria-label="List of attempts"><table><thead><tr>
+  return html`<section aria-label="Attempts"><h2>Attempts</h2><div class="scroll" tabindex="0" role="region" aria-label="List of attempts"><table class="attempts"><thead><tr>
     ${job.array && html`<th scope="col" class="number">Frame</th>`}<th scope="col" class="number">No.</th><th scope="col">Started</th>
-    ${waited && html`<th scope="col" class="number">Waited</th>`}<th scope="col" class="number">Ran</th><th scope="col">End</th>
-    ${farm && html`<th scope="col">Host</th>`}<th scope="col" class="number">Memory</th><th scope="col"><span class="hidden">Log</span></th></tr></thead><tbody>
+    ${waited && html`<th scope="col" class="number">Waited</th>`}<th scope="col" class="number">Ran</th><th scope="col">End</th><th scope="col"><span class="hidden">Log</span></th>
+    ${farm && html`<th scope="col">Host</th>`}<th scope="col" class="number">Memory</th></tr></thead><tbody>
     ${attempts.map(attempt => html`<tr>${job.array && html`<td class="number">${attempt.frame}</td>`}<td class="number">${attempt.number}</td>
       <td class="when">${timeOf(attempt.started)}</td>${waited && html`<td class="number">${durationOf(attempt.waited_ms / 1000)}</td>`}
-      <td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>${farm && html`<td>${attempt.host}</td>`}
-      <td class="number">${bytesOf(attempt.peak_memory_bytes)}</td>
-      <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td></tr>
+      <td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>
+      <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td>
+      ${farm && html`<td>${attempt.host}</td>`}<td class="number">${bytesOf(attempt.peak_memory_bytes)}</td></tr>
       ${open === keyOf(attempt) && html`<tr><td colspan="9"><${Log} job=${job} attempt=${attempt} lines=${lines} /></td></tr>`}`)}
     </tbody></table></div></section>`;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The report of a job as tables, with a sentence for each measure.
-import {html} from "./preact.js";
+import {get} from "./api.js";
+import {html, useEffect, useState} from "./preact.js";
 import {bytesOf, durationOf, numberOf} from "./words.js";
 
 /** Path in the report, word, sentence, and the ideal value where there is one. */
@@ -48,7 +49,7 @@ export function valueAt(report, path) {
 }
 
 function Timing({report}) {
-  const phases = {load: "Reading", start: "First points", relax: "Relaxing", measure: "Measuring", write: "Writing", total: "Together"};
+  const phases = {load: "Reading", start: "First points", relax: "Relaxing", measure: "Measuring", curvature: "Curvature", weights: "Weights", write: "Writing", total: "Together"};
   return html`<h3>Time and memory</h3><table class="facts"><tbody>
     ${Object.entries(phases).map(([key, word]) => report.timing_s && key in report.timing_s &&
       html`<tr><th scope="row">${word}</th><td class="number">${durationOf(report.timing_s[key])}</td></tr>`)}
@@ -56,11 +57,22 @@ function Timing({report}) {
     <tr><th scope="row">Threads</th><td class="number">${valueAt(report, "diagnostics.threads")}</td></tr></tbody></table>`;
 }
 
+/** The path of an input. Of an upload, its sender sees the name. */
+function InputName({path}) {
+  const [name, setName] = useState(null);
+  const sent = /^sha256:([0-9a-f]{64})/.exec(path);
+  useEffect(() => {
+    setName(null);
+    if (sent) get(`v1/inputs/${sent[1]}`).then(upload => setName(upload.name), () => {}); // it may have expired
+  }, [path]);
+  return html`<td class="name" title=${path}>${name ?? path}</td>`;
+}
+
 function Inputs({inputs}) {
   if (!inputs || !inputs.length) return null;
   return html`<h3>Inputs</h3><div class="scroll" tabindex="0" role="region" aria-label="Inputs"><table><thead><tr>
     <th scope="col">File</th><th scope="col" class="number">Size</th><th scope="col">SHA-256</th></tr></thead><tbody>
-    ${inputs.map(input => html`<tr><td class="name">${input.path}</td><td class="number">${bytesOf(input.bytes)}</td>
+    ${inputs.map(input => html`<tr><${InputName} path=${input.path} /><td class="number">${bytesOf(input.bytes)}</td>
       <td><code class="hash">${input.sha256}</code></td></tr>`)}</tbody></table></div>`;
 }
 

@@ -9,11 +9,11 @@ const READ_MS = 5000;
 
 const limited = (value, limit, show) => `${show(value)}${limit === null ? "" : ` of ${show(limit)}`}`;
 
-/** Users of results and of running attempts: {user, results, bytes, attempts, threads, memory_mb}. */
+/** Users of results and of running attempts: {user, results, bytes, upload_bytes, attempts, threads, memory_mb}. */
 function usersOf({users}, workers) {
   const all = new Map(users.map(user => [user.user, {...user, attempts: 0, threads: 0, memory_mb: 0}]));
   for (const {owner, threads, memory_mb} of workers) {
-    const user = all.get(owner) || {user: owner, results: 0, results_limit: null, bytes: 0, bytes_limit: null, attempts: 0, threads: 0, memory_mb: 0};
+    const user = all.get(owner) || {user: owner, results: 0, results_limit: null, bytes: 0, bytes_limit: null, upload_bytes: null, upload_bytes_limit: null, attempts: 0, threads: 0, memory_mb: 0};
     all.set(owner, {...user, attempts: user.attempts + 1, threads: user.threads + threads, memory_mb: user.memory_mb + memory_mb});
   }
   return [...all.values()];
@@ -42,9 +42,10 @@ export function Service() {
     const timer = setInterval(read, READ_MS);
     return () => clearInterval(timer);
   }, []);
-  const row = ({user, results, results_limit: most, bytes, bytes_limit: limit, attempts, threads, memory_mb: memory}) => html`<tr><td>${user}</td>
+  const row = ({user, results, results_limit: most, bytes, bytes_limit: limit, upload_bytes: uploads, upload_bytes_limit: uploadLimit, attempts, threads, memory_mb: memory}) => html`<tr><td>${user}</td>
     <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td>
     <td class="number">${limited(results, most, countOf)}</td><td class="number">${limited(bytes, limit, bytesOf)}</td>
+    <td class="number">${limited(uploads, uploadLimit, bytesOf)}</td>
     <td><a href=${`#/?owner=${encodeURIComponent(user)}`}>Jobs</a></td></tr>`;
   const hostRow = ({host, attempts, threads, memory_mb: memory}) => html`<tr><td>${host ?? html`<span class="dim">not known yet</span>`}</td>
     <td class="number">${countOf(attempts)}</td><td class="number">${countOf(threads)}</td><td class="number">${bytesOf(memory * 2 ** 20)}</td></tr>`;
@@ -55,9 +56,9 @@ export function Service() {
       ${found.usage.full && html`<p class="notice">The results of all jobs have reached a limit: submissions are refused. Download or delete results.</p>`}
       <h2>Users</h2><div class="scroll" tabindex="0" role="region" aria-label="Users"><table class="users"><thead><tr><th scope="col">User</th>
         <th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th>
-        <th scope="col" class="number">Results</th><th scope="col" class="number">Disk</th><th scope="col"><span class="hidden">Jobs</span></th></tr></thead>
+        <th scope="col" class="number">Results</th><th scope="col" class="number">Disk</th><th scope="col" class="number">Uploads</th><th scope="col"><span class="hidden">Jobs</span></th></tr></thead>
         <tbody>${usersOf(found.usage, found.workers).map(row)}</tbody></table></div>
-      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}.</p>
+      <p class="hint">Results of all users: ${limited(found.usage.all.results, found.usage.all.results_limit, countOf)}; ${limited(found.usage.all.bytes, found.usage.all.bytes_limit, bytesOf)}. Uploads: ${limited(found.usage.all.upload_bytes, found.usage.all.upload_bytes_limit, bytesOf)}.</p>
       <h2>Hosts</h2>${found.workers.length === 0 ? html`<p class="dim">Nothing runs.</p>` : html`<div class="scroll" tabindex="0" role="region" aria-label="Hosts"><table class="hosts"><thead><tr>
         <th scope="col">Host</th><th scope="col" class="number">Running</th><th scope="col" class="number">Threads</th><th scope="col" class="number">Memory</th></tr></thead>
         <tbody>${hostsOf(found.workers).map(hostRow)}</tbody></table></div>`}

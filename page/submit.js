@@ -2,7 +2,7 @@
 // A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {call, get, query, retryAfterOf, send, wait} from "./api.js";
-import {Files} from "./files.js";
+import {endingOf, Files, Uploads} from "./files.js";
 import {Node, titleOf} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
 import {Progress, Trouble, useAction, useTitle} from "./parts.js";
@@ -60,8 +60,7 @@ async function upload(file, signal, onProgress) {
   const body = await isKnown(hash, signal) ? "" : file, options = {body, headers: {"Content-Type": "application/octet-stream"}, signal};
   const name = new TextEncoder().encode(file.name).length <= NAME_MOST ? file.name : null;
   const {path} = await (await send("PUT", `v1/inputs/${hash}${query({name})}`, options)).json();
-  const ending = /\.[A-Za-z0-9]+$/.exec(file.name);
-  return path + (ending ? ending[0] : "");
+  return path + endingOf(file.name);
 }
 
 /** What the service says of the spec: [faults by pointer, error, estimate, busy]. */
@@ -200,6 +199,7 @@ export function Submit({search}) {
     <div class="drop card"><p>Drop a mesh or a volume here, or choose a file:</p>
       <span class="buttons"><label class="button" for="file">From this computer</label><input id="file" class="hidden" type="file" onChange=${e => e.target.files.length && takeFile(e.target.files[0])} /></span>
       <${Files} onChoose=${(name, path, sequence) => take(name, () => path, sequence)} />
+      <${Uploads} onChoose=${(name, path) => take(name, () => path)} />
       ${sending && html`<p role="status">${sending.word} … ${sending.share !== null && html`<${Progress} fraction=${sending.share} label=${sending.word} />`}</p>`}
       ${look && html`<${Inspection} ...${look} onChoose=${suggestion => suggest(suggestion, look.sequence)} />`}<${Trouble} error=${takeError} /></div>
     <form class="columns" onSubmit=${e => {

@@ -295,9 +295,17 @@ def unlicensed(root):
     return faults
 
 
+def unpackaged_paths(root):
+    """Folders of /usr/share/hexad that pages or tools name, and that no package has."""
+    packaged = set(re.findall(r"(?m)^usr/share/hexad/(\w+)", "".join(p.read_text() for p in root.glob("debian/*.install"))))
+    return [f"{name}: no package has /usr/share/hexad/{folder}"
+            for name in (*pages_of(root), *files_of(root, ("share", "clients"), (".py", ".js", ".md")))
+            for folder in re.findall(r"/usr/share/hexad/(\w+)", (root / name).read_text()) if folder not in packaged]
+
+
 CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_links, lost_paths, lost_targets, index_differences,
           unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
-          lost_recipes, unlicensed]
+          lost_recipes, unlicensed, unpackaged_paths]
 
 
 @pytest.mark.parametrize(
@@ -389,6 +397,7 @@ FAULTS = [
     (unlicensed, "tools/new.py", "#!/usr/bin/env python3\n\"\"\"New.\"\"\"\n# SPDX-License-Identifier: Apache-2.0\n", "tools/new.py: its first line"),
     (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
     (unnamed_tests, "tests/README.md", "`clock.h` and `gone.py`\n", "tests/README.md names gone.py"),
+    (unpackaged_paths, "share/new.py", "# PYTHONPATH=/usr/share/hexad/python\n", "share/new.py: no package has /usr/share/hexad/python"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`gone.h`\n", "CONTRIBUTING.md: a recipe names gone.h"),
 ]
 

@@ -38,7 +38,8 @@ PAGES = {
                              ("MALLOC_ARENA_MAX", "number of arenas in which the C library allocates memory; 4 unless it is set."
                               " More arenas keep more freed memory")]),
         ],
-        "see": "hexad.conf(5), hexadctl(1), hexad-worker(1)"},
+        "see": "hexad.conf(5), hexadctl(1), hexad-worker(1); the page for administrators, operations.md (package hexad-doc:"
+               " /usr/share/doc/hexad-doc/doc)"},
     "hexad-worker": {"section": 1, "about": "samples one implicit surface", "more": [], "see": "hexad(8), hexadctl(1)"},
     "hexadctl": {
         "section": 1, "about": "client of hexad",

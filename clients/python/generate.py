@@ -38,6 +38,10 @@ from .errors import Problem
 __all__ = [
 '''
 
+SAMPLE_CLASSES = ("Sampling", "SurfaceMesh", "SurfaceVolume", "SurfaceVdb")
+SAMPLE_ARGUMENTS = ("path", "count")  # which are no keywords
+SAMPLE_ARRAYS = {"grid": "Union[str, Mapping[str, Any]]", "points": "Any"}  # a part may be an array
+
 
 def camel(text: str) -> str:
     return "".join(part[:1].upper() + part[1:] for part in text.replace("-", "_").split("_"))
@@ -48,6 +52,7 @@ class SpecWriter:
 
     def __init__(self) -> None:
         self.classes: Dict[str, str] = {}
+        self.members: Dict[str, Dict[str, str]] = {}  # of each class
 
     def type_of(self, schema: Schema, name: str) -> str:
         """The annotation of a schema; objects become classes of this name."""
@@ -83,7 +88,7 @@ class SpecWriter:
 
     def add(self, schema: Schema, name: str) -> None:
         prefix = "" if name == "Spec" else name
-        members = {m: self.type_of(part, prefix + camel(m)) for m, part in schema["properties"].items()}
+        members = self.members[name] = {m: self.type_of(part, prefix + camel(m)) for m, part in schema["properties"].items()}
         needed = [m for m in schema.get("required", []) if m != "version"]  # which the client puts in
         groups = [(f"_{name}Needed", needed, ""), (f"_{name}Rest", [m for m in members if m not in needed], ", total=False")]
         text = ""
@@ -99,6 +104,19 @@ class SpecWriter:
                 text += f"class {base}(TypedDict{total}):\n" + "".join(f"    {m}: {members[m]}\n" for m in names) + "\n\n"
         text += f'class {name}({", ".join(bases)}):\n    """{"".join(self.prose(schema))}    """\n'
         self.classes[name] = text
+
+    def add_sample_members(self) -> None:
+        """The class of the keywords of hexad.sample: the members of several classes."""
+        types: Dict[str, List[str]] = {}
+        for name in SAMPLE_CLASSES:
+            for member, kind in self.members[name].items():
+                if member not in SAMPLE_ARGUMENTS and kind not in types.setdefault(member, []):
+                    types[member].append(kind)
+        kinds = {m: kind[0] if len(kind) == 1 else f'Union[{", ".join(kind)}]' for m, kind in types.items()}
+        kinds.update(SAMPLE_ARRAYS)
+        self.classes["SampleMembers"] = (
+            'class SampleMembers(TypedDict, total=False):\n    """Keywords of hexad.sample: members of sampling and of the surface. '
+            'An array may be in place of a path."""\n\n' + "".join(f"    {m}: {kind}\n" for m, kind in kinds.items()))
 
     @staticmethod
     def prose(schema: Schema) -> Iterator[str]:
@@ -119,6 +137,7 @@ class SpecWriter:
 def write_spec(schema: Schema) -> str:
     writer = SpecWriter()
     writer.add(schema, "Spec")
+    writer.add_sample_members()
     names = [name for name in writer.classes]
     listed = "".join(f'    "{name}",\n' for name in sorted(names))
     return SPEC_HEAD + listed + "]\n" + "".join(f"\n\n{text}" for text in writer.classes.values())

@@ -14,7 +14,7 @@ export type Outcome = "converged" | "unresolved" | "not_converged" | null;
  * farm's reason.
  */
 export type Progress = {
-  phase: "queue" | "load" | "start" | "relax" | "measure" | "write";
+  phase: "queue" | "load" | "start" | "relax" | "measure" | "curvature" | "weights" | "write";
   /** The completed fraction of the whole attempt. */
   fraction: number;
 };
@@ -76,6 +76,10 @@ export type Task = {
  * them.
  */
 export type Notes = {
+  /** The number of points. Results of earlier builds lack it. */
+  count?: number | null;
+  /** The distance h between neighbours. Results of earlier builds lack it. */
+  spacing?: number | null;
   /**
    * How regular the packing is; null for results of builds without ratings. Ratings do not affect the
    * outcome.
@@ -186,6 +190,12 @@ export type UsageSum = {
   /** Jobs and frames that have succeeded, failed or timed out, and are not deleted. */
   results: number;
   results_limit: number | null;
+  /**
+   * Uploads, with the arrived bytes of unfinished ones. A file that several users uploaded counts for each of
+   * them, and once in `all`.
+   */
+  upload_bytes: number;
+  upload_bytes_limit: number | null;
 };
 
 export type Tokens = {
@@ -208,7 +218,10 @@ export type Usage = {
    * (results_full).
    */
   full: boolean;
-  /** Sorted by size, largest first. The limits apply to each user. */
+  /**
+   * The users with results, and the caller if it has uploads. Sorted by size of results, largest first. The
+   * limits apply to each user.
+   */
   users: UsageSum & {
     user: string;
   }[];
@@ -329,6 +342,11 @@ export type Estimate = {
   seconds: number | null;
   /** Why `seconds` is null. */
   seconds_missing: string | null;
+  /**
+   * The part of `seconds` for the quadrature weights of the points. Only if the job has them and `seconds` is
+   * known.
+   */
+  weights_seconds?: number;
   threads: number;
   warnings: string[];
   advice: Advice;
@@ -351,6 +369,22 @@ export type Input = {
   path: string;
   /** The name that the caller gave the file. Other users do not see it. null: none. */
   name: string | null;
+  /** When the caller sent the file first. null: the caller has not sent it, or has deleted it. */
+  sent: string | null;
+};
+
+export type InputPage = {
+  inputs: (Input & {
+    /** The last use, by any user. The file expires `inputs_keep_s` after it. */
+    used: string | null;
+    /** The newest jobs of the caller that read the file. */
+    jobs: string[];
+    /** The number of all jobs of the caller that read the file. */
+    job_count: number;
+    /** The number of those that have not ended. */
+    unfinished_count: number;
+  })[];
+  next: string | null;
 };
 
 export type FilePage = {
@@ -657,7 +691,7 @@ export type JobSpec = {
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
        * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
-       * array of the points of a VTK file, or color.
+       * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;
       /**
@@ -890,11 +924,11 @@ export type JobSpec = {
     /**
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
-     * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
-     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
-     * and given points with mode avoid).
+     * the name of a value of the vertices of a mesh, or base_color: the colour of its materials and images.
+     * Geometric quantities: part (the number of the part of a combined surface, from 0), direction1 or
+     * direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+     * source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+     * f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -1139,6 +1173,16 @@ export type JobSpec = {
      * needs fewer. (chunks) Default: 100000.
      */
     max_chunks?: number;
+    /**
+     * The maximum width times height of an image of a mesh (attributes: base_color). A larger one is refused
+     * before it is decoded. (pixels) Default: 268435456.
+     */
+    image_pixels?: number;
+    /**
+     * The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each
+     * takes the time of a decoding. (scans) Default: 500.
+     */
+    image_scans?: number;
     /** The maximum number of attempts if the worker crashes. (attempts) Default: 0. */
     max_attempts?: number;
   };
@@ -1258,8 +1302,8 @@ export type Surface = {
   mesh?: {
     /**
      * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
-     * read.
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
+     * for the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**
@@ -1862,7 +1906,7 @@ export type AnsweredSpec = {
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
        * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
-       * array of the points of a VTK file, or color.
+       * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;
       /**
@@ -2083,11 +2127,11 @@ export type AnsweredSpec = {
     /**
      * The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
      * component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or
-     * the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part of a
-     * combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place on
-     * the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the
-     * quadrature weight: the sum of weight times f approximates the integral of f; excludes sampling.attach
-     * and given points with mode avoid).
+     * the name of a value of the vertices of a mesh, or base_color: the colour of its materials and images.
+     * Geometric quantities: part (the number of the part of a combined surface, from 0), direction1 or
+     * direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+     * source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+     * f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
      */
     name?: string;
     /** The name in the outputs: letters, digits and _. Default: the name, with _ for other characters. */
@@ -2315,6 +2359,16 @@ export type AnsweredSpec = {
      * needs fewer. (chunks)
      */
     max_chunks?: number;
+    /**
+     * The maximum width times height of an image of a mesh (attributes: base_color). A larger one is refused
+     * before it is decoded. (pixels)
+     */
+    image_pixels?: number;
+    /**
+     * The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each
+     * takes the time of a decoding. (scans)
+     */
+    image_scans?: number;
     /** The maximum number of attempts if the worker crashes. (attempts) */
     max_attempts?: number;
   };
@@ -2434,8 +2488,8 @@ export type AnsweredSurface = {
   mesh?: {
     /**
      * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are not
-     * read.
+     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
+     * for the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**
@@ -3147,7 +3201,10 @@ export interface Operations {
        * of these jobs; for an administrator of all jobs.
        */
       progress?: number;
-      /** 1: the events of the jobs of all users. */
+      /**
+       * 1: the events of the jobs of all users; of an upload, as an administrator: delete it for all users,
+       * at once.
+       */
       all?: number;
       /**
        * The id of the last received event: the stream continues after it. It takes precedence over the
@@ -3251,13 +3308,34 @@ export interface Operations {
     };
     answer: Input;
   };
-  /** Delete an input. Needs the scope `admin`. */
+  /**
+   * Delete an upload of the caller. The file is removed when no user holds it and no unfinished job reads it.
+   * Needs the scope `submit`.
+   */
   deleteInput: {
     parameters: {
       /** The SHA-256 of the file: 64 hexadecimal digits in lower case. */
       sha256: string;
+      /**
+       * 1: the events of the jobs of all users; of an upload, as an administrator: delete it for all users,
+       * at once.
+       */
+      all?: number;
     };
     answer: null;
+  };
+  /** List the uploads of the caller, the one that was sent last first. Needs the scope `read`. */
+  listInputs: {
+    parameters: {
+      /**
+       * The maximum number of entries of a page. A page of jobs or events examines at most 4096 entries and
+       * may be short or empty before the list ends: the list ends when `next` is null.
+       */
+      limit?: number;
+      /** `next` of the previous page; of jobs with the same `sort`. */
+      cursor?: string;
+    };
+    answer: InputPage;
   };
   /** Describe a file that jobs may read, with specs that sample it. Needs the scope `submit`. */
   inspectInput: {

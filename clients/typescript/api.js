@@ -28,6 +28,7 @@ export const operations = {
   putInput: {method: "PUT", path: "/v1/inputs/{sha256}", headers: [], body: "application/octet-stream", answer: "json"},
   getInput: {method: "GET", path: "/v1/inputs/{sha256}", headers: [], body: null, answer: "json"},
   deleteInput: {method: "DELETE", path: "/v1/inputs/{sha256}", headers: [], body: null, answer: "nothing"},
+  listInputs: {method: "GET", path: "/v1/inputs", headers: [], body: null, answer: "json"},
   inspectInput: {method: "POST", path: "/v1/inputs:inspect", headers: [], body: "application/json", answer: "json"},
   listFiles: {method: "GET", path: "/v1/files", headers: [], body: null, answer: "json"},
   drain: {method: "POST", path: "/v1/admin/drain", headers: [], body: null, answer: "json"},

@@ -106,6 +106,18 @@ export class Client<J extends Job = Job> {
      * @param {string} suffix such as ".obj"
      */
     upload(bytes: Uint8Array, suffix?: string): Promise<string>;
+    /** The uploads of the caller, the newest first, with the caller's jobs that read them. */
+    uploads(): AsyncGenerator<import("./api.js").Input & {
+        used: string | null;
+        jobs: string[];
+        job_count: number;
+        unfinished_count: number;
+    }, void, undefined>;
+    /**
+     * Deletes an upload of the caller. Jobs that have not ended can still read it.
+     * @param {string} path the path by which a spec names it
+     */
+    deleteUpload(path: string): Promise<void>;
     /**
      * Sends a request once. The caller closes the answer.
      * @param {{method: string, path: string, headers?: {[name: string]: unknown}, body?: string | Uint8Array, signal?: AbortSignal}}

@@ -301,12 +301,35 @@ export class Client {
     const hasher = this.hasher();
     hasher.update(bytes);
     const sha256 = hasher.hex();
+    let body = bytes;
     try {
-      return (await this.call("getInput", {sha256})).path + suffix;
+      const {path, sent} = await this.call("getInput", {sha256});
+      if (sent !== null) return path + suffix;
+      body = new Uint8Array(); // the service has the file; it becomes an upload of the caller
     } catch (error) {
       if (!(error instanceof Problem && error.code === "not_found")) throw error;
     }
-    return (await this.call("putInput", {sha256, body: bytes})).path + suffix;
+    return (await this.call("putInput", {sha256, body})).path + suffix;
+  }
+
+  /** The uploads of the caller, the newest first, with the caller's jobs that read them. */
+  async *uploads() {
+    /** @type {string | null} */
+    let cursor = null;
+    do {
+      /** @type {import("./api.js").InputPage} */
+      const page = await this.call("listInputs", {limit: PAGE_ROWS, ...(cursor ? {cursor} : {})});
+      yield* page.inputs;
+      cursor = page.next;
+    } while (cursor !== null);
+  }
+
+  /**
+   * Deletes an upload of the caller. Jobs that have not ended can still read it.
+   * @param {string} path the path by which a spec names it
+   */
+  async deleteUpload(path) {
+    await this.call("deleteInput", {sha256: path.replace(/^sha256:/, "").replace(/\..*/, "")});
   }
 
   /**

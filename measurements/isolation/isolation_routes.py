@@ -13,6 +13,7 @@ takes more than 0.2 ms. A row without such a call is only received and sent ther
 import collections
 import hashlib
 import http.client
+import itertools
 import json
 import multiprocessing
 import os
@@ -123,10 +124,10 @@ class Scene:
                 "inspectInput": {"path": f"sha256/{hashlib.sha256(self.upload).hexdigest()}"}}
         return json.dumps(made[name]).encode() if name in made else None
 
-    def request(self, row, token, number, method=None, query="", headers=()):
+    def request(self, row, token, number, method=None, query="", headers=(), body=None):
         """The bytes of a request."""
         name, usual, path, operation = row
-        target, lines, body = self.target(name, path), list(headers), self.body(name, number)
+        target, lines, body = self.target(name, path), list(headers), body or self.body(name, number)
         if name == "putInput":
             body = secrets.token_bytes(4096)
             target = f"/v1/inputs/{hashlib.sha256(body).hexdigest()}"
@@ -381,6 +382,9 @@ def serving_thread(options, base):
             rows.append([what, call, "", "", f"{ms:.3f}", ""])
             print(*rows[-1], sep=", ", flush=True)
             missed += [f"{what}: {ms:.3f} ms"] if ms > GOAL_CPU_MS else []
+        for what, ms in data_sets(scene, thread, connection):
+            rows.append([what, "-", 201, "", f"{ms:.3f}", f"{ms:.3f}"])
+            print(*rows[-1], sep=", ", flush=True)
     finally:
         scene.daemon.process.kill()
         scene.daemon.process.wait()
@@ -432,3 +436,19 @@ def long_bodies(scene, thread, connection):
 
     yield ("followJobs: a copy of a stream, with its two resumptions", "copy of a stream",
            cpu_ms(thread, follow, 5) / statistics.median(chunks))
+
+
+def data_sets(scene, thread, connection):
+    """(what, ms) of POST with queue.files. The last measurement: the jobs are held, and their files are no meshes."""
+    row, = (r for r in scene.rows() if r[0] == "submitJob")
+    connection.ask(scene.request(("hold", "POST", "/v1/admin/hold", None), scene.admin, 0), "POST")
+    inputs, numbers = scene.daemon.base / "inputs", itertools.count(2 * 10**6)
+    names = sorted(str(path) for path in inputs.glob("empty*"))
+    for what, files in (("a pattern of 1 000 files", str(inputs / "empty*")), ("a list of 1 000 files", names)):
+        def submit(files=files):
+            spec = {**ball(next(numbers)), "surface": {"mesh": {"path": "{file}"}}, "queue": {"files": files, "retention_s": 60}}
+            body = json.dumps(spec).encode()
+            status, _ = connection.ask(scene.request(row, scene.tokens["submitter"], 0, body=body), "POST")
+            assert status == 201, status
+
+        yield f"submitJob: {what}", cpu_ms(thread, submit, 20)

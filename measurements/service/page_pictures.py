@@ -7,11 +7,13 @@
 VIEW-WIDTH-THEME.png each; the two of 1120 are those of doc/. A view that is wider than its screen ends the program with 1.
 """
 import argparse
+import hashlib
 import json
 import pathlib
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "service"))
@@ -57,6 +59,10 @@ def jobs_of(service, token):
         "array": submit(sphere(name="film", queue={"frames": "1-24", "by_frame": {
             "/surface/analytic/radius": {"from": 1, "to": 2}, "/solver/max_sweeps": [2000] * 22 + [1] * 2}})),
     }
+    for name, copies in (("cube.obj", 1), ("a mesh with a name of several words.obj", 20000)):
+        content = (CUBE + "# \n" * copies).encode()
+        service.request("PUT", f"/v1/inputs/{hashlib.sha256(content).hexdigest()}?{urllib.parse.urlencode({'name': name})}", content,
+                        {"Authorization": f"Bearer {token}"})
     for word, job in jobs.items():
         wait_until(lambda: state(job)["state"] in ("succeeded", "failed"), word)
     jobs["live"] = submit(long_sphere(name="running"))
@@ -79,6 +85,7 @@ def views_of(jobs):
              "submit": ("#/submit", ".estimate dl", None, None),
              "dropped": ("#/submit", ".estimate dl", drop, ".inspection"),
              "files": ("#/submit", ".estimate dl", "document.querySelector('.drop details').open = true", ".files button"),
+             "uploads": ("#/submit", ".estimate dl", "document.querySelector('.uploads').open = true", ".uploads td button"),
              "sequence": ("#/submit", ".estimate dl", SHOTS, ".files .detail"),
              "faults": ("#/submit", ".estimate dl", """const field = document.getElementById("f/surface/analytic/radius");
                  field.value = "-1"; field.dispatchEvent(new Event("input", {bubbles: true}));""", ".fault"),

@@ -5,10 +5,10 @@
     measurements/speed/calls.py --library build/libhexad.so.1 --data FOLDER --output measurements/speed/calls.csv
                                 [--runs N] [--meshes N]
 
-FOLDER has the folder meshes. One call: 2 048 points on a torus of 10 000 triangles, least of the runs. Many: hexad.sample_many with
-2 048 points on meshes of the folder that are cut by a plane, turned and scaled, one at a time. One thread for each job. Phases are load,
-start, relax and measure of the report. Their clock counts the CPU time of the process, so that other processes of the machine
-matter little.
+FOLDER has the folder meshes. One call: 2 048 points on a torus of 10 000 triangles, least of the runs; with all properties, and with
+properties="minimal", without the curvature. Many: hexad.sample_many with 2 048 points on meshes of the folder that are cut by a plane,
+turned and scaled, one at a time. One thread for each job. Phases are load, start, relax and measure of the report; the phase curvature
+is beside them. Their clock counts the CPU time of the process, so that other processes of the machine matter little.
 """
 import argparse
 import json
@@ -92,14 +92,14 @@ def varied(data, count, seed=1):
 
 
 def spent(report):
-    return sum(report["timing_s"][phase] for phase in PHASES), report["timing_s"]["write"]
+    return sum(report["timing_s"][phase] for phase in PHASES), report["timing_s"]["curvature"], report["timing_s"]["write"]
 
 
-def call_once(surface):
-    """CPU seconds of the process, of the phases, and of the phase `write`."""
+def call_once(surface, properties):
+    """CPU seconds of the process, of the phases, and of the phases `curvature` and `write`."""
     import hexad
     begin = time.process_time()
-    points = hexad.sample(*surface, count=COUNT, threads=1)
+    points = hexad.sample(*surface, count=COUNT, threads=1, properties=properties)
     return (time.process_time() - begin, *spent(points.report))
 
 
@@ -113,26 +113,27 @@ def call_many(surfaces):
     begin = time.process_time()
     samples = hexad.sample_many(surfaces, COUNT, processors=1)
     cpu = time.process_time() - begin
-    phases, write = numpy.sum([spent(report) for report in reports], axis=0)
-    return cpu, float(phases), float(write), sum(error is not None for error in samples.errors)
+    return cpu, *map(float, numpy.sum([spent(report) for report in reports], axis=0)), sum(error is not None for error in samples.errors)
 
 
 def inside(o):
     """In a process with the clock: prints the rows."""
-    one = min((call_once(torus()) for _ in range(o.runs)), key=lambda times: times[0] - times[1])
-    rows = [["one call", 1, 0, *one]]
+    rows = []
+    for name, properties in (("one call", None), ("one call without curvature", "minimal")):
+        one = min((call_once(torus(), properties) for _ in range(o.runs)), key=lambda times: times[0] - times[1] - times[2])
+        rows.append([name, 1, 0, *one])
     if o.meshes:
-        cpu, phases, write, failed = call_many(list(varied(o.data, o.meshes)))
-        rows.append(["many", o.meshes, failed, cpu, phases, write])
+        *times, failed = call_many(list(varied(o.data, o.meshes)))
+        rows.append(["many", o.meshes, failed, *times])
     print(json.dumps(rows))
 
 
 def table(rows):
-    header = ["row", "meshes", "failed", "cpu_s", "phases_s", "write_s", "beyond_phases_ms", "beyond_phases_and_write_ms", "cpu_ratio",
-              "cpu_ratio_with_write"]
-    lines = [[name, count, failed, round(cpu, 4), round(phases, 4), round(write, 4), round(1e3 * (cpu - phases) / count, 2),
-              round(1e3 * (cpu - phases - write) / count, 2), round(cpu / phases, 3), round(cpu / (phases + write), 3)]
-             for name, count, failed, cpu, phases, write in rows]
+    header = ["row", "meshes", "failed", "cpu_s", "phases_s", "curvature_s", "write_s", "beyond_phases_ms", "beyond_phases_and_curvature_ms",
+              "cpu_ratio", "cpu_ratio_with_curvature"]
+    lines = [[name, count, failed, *(round(time, 4) for time in (cpu, phases, curvature, write)), round(1e3 * (cpu - phases) / count, 2),
+              round(1e3 * (cpu - phases - curvature) / count, 2), round(cpu / phases, 3), round(cpu / (phases + curvature), 3)]
+             for name, count, failed, cpu, phases, curvature, write in rows]
     return header, lines
 
 

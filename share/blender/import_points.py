@@ -3,7 +3,10 @@
 
 In Blender: open this file in the text editor, set FILE, and run it. From a shell:
 
-    blender --background --python import_points.py -- points.ply [picture.png]
+    blender --background --python /usr/share/hexad/blender/import_points.py -- points.ply [picture.png]
+
+This is the path of the package hexad. In a clone it is share/blender/import_points.py, and after `make install`
+PREFIX/share/hexad/blender/import_points.py.
 
 It makes a mesh of vertices with every property of the file as an attribute, a colour attribute `Cd` of red, green and
 blue, and a modifier of geometry nodes that shows each point as a sphere of its radius in its colour. With a second

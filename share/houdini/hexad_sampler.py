@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A script for a shelf of Houdini, an example of a submitter: it samples the selected SOP by a hexad service.
 
-Put this file and the Python client (/usr/share/hexad/python/hexad) into a folder of Houdini's Python path, such as
-$HOUDINI_USER_PREF_DIR/python3.9libs. The script of the shelf tool is:
+Put this file and the Python client into a folder of Houdini's Python path, such as $HOUDINI_USER_PREF_DIR/python3.9libs. With
+packages they are /usr/share/hexad/houdini/hexad_sampler.py (hexad) and /usr/lib/python3/dist-packages/hexad (python3-hexad); in
+a clone, share/houdini/hexad_sampler.py and clients/python/hexad. The script of the shelf tool is:
 
     import hexad_sampler
     hexad_sampler.sample_selected()

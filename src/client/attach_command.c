@@ -45,7 +45,7 @@ static int send_points(client *c, json_at item, char **path)
                *sha256 = json_string(json_member(&item, "sha256"), "");
     const double bytes = json_number(json_member(&item, "bytes"), 0);
     FILE *file = tmpfile();
-    char *to = mem_printf("/v1/inputs/%s", sha256);
+    char *to = mem_printf("/v1/inputs/%s?name=points.ply", sha256);
     int code = COMMAND_OK;
     if (!file)
         code = print_failure("attach: no temporary file can be written: %m");

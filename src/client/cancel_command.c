@@ -10,47 +10,6 @@
 #include "client/list_query.h"
 #include "client/print.h"
 
-/* The ids of jobs, the newest first. */
-typedef struct ids {
-    char **id;
-    size_t count;
-} ids;
-
-static void ids_free(ids *list)
-{
-    for (size_t i = 0; i < list->count; i++) free(list->id[i]);
-    free(list->id);
-}
-
-/* Adds the unfinished jobs that the options select. */
-static int collect(client *c, const command_options *options, ids *list)
-{
-    command_options chosen = *options;
-    char *cursor = NULL;
-    int code = COMMAND_OK;
-    bool more = true;
-    chosen.state = "blocked,paused,queued,running";
-    chosen.limit = "500";
-    while (more && code == COMMAND_OK) {
-        json *page = NULL;
-        char *path = list_query_path(c, &chosen, cursor);
-        code = command_ask(c, "GET", path, NULL, &page);
-        free(path);
-        json_at root = json_root(page), jobs = json_member(&root, "jobs");
-        for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
-            list->id = mem_resize(list->id, (list->count + 1) * sizeof *list->id);
-            list->id[list->count++] = mem_strdup(json_string(json_member(&job, "id"), ""));
-        }
-        const char *next = json_string(json_member(&root, "next"), NULL);
-        more = next != NULL;
-        free(cursor);
-        cursor = next ? mem_strdup(next) : NULL;
-        json_free(page);
-    }
-    free(cursor);
-    return code;
-}
-
 /* Cancels a job of the list. *cancelled is incremented, unless the job has ended in the meantime or belongs
  * to another user. */
 static int cancel_one(client *c, const char *id, size_t *cancelled)
@@ -71,22 +30,27 @@ static int cancel_one(client *c, const char *id, size_t *cancelled)
     return code;
 }
 
+/* Cancels the unfinished jobs that the options select. */
 static int cancel_all(client *c, const command_options *options)
 {
-    ids list = {0};
+    command_options chosen = *options;
+    json *jobs = NULL;
     size_t cancelled = 0;
-    int code = collect(c, options, &list);
+    chosen.state = "blocked,paused,queued,running";
+    int code = list_query_read_all(c, &chosen, &jobs);
+    json_at list = json_root(jobs);
+    const size_t count = json_size(list);
     /* newest first: otherwise a dependent job would fail when the job that it depends on ends */
-    for (size_t i = 0; code == COMMAND_OK && i < list.count; i++)
-        code = cancel_one(c, list.id[i], &cancelled);
+    for (json_at job = json_first(&list); code == COMMAND_OK && job.node; job = json_next(&job))
+        code = cancel_one(c, json_string(json_member(&job, "id"), ""), &cancelled);
+    json_free(jobs);
     if (options->json)
         printf("{\"cancelled\":%zu}\n", cancelled);
     else
         terminal_text_print(stdout, "%zu job%s cancelled\n", cancelled, cancelled == 1 ? "" : "s");
-    if (code == COMMAND_OK && cancelled < list.count)
+    if (code == COMMAND_OK && cancelled < count)
         fprintf(stderr, "%zu other jobs were not cancelled: they have ended or belong to other users\n",
-                list.count - cancelled);
-    ids_free(&list);
+                count - cancelled);
     return code;
 }
 

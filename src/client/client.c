@@ -26,11 +26,16 @@
 
 struct client {
     CURL *curl;
-    char *server; /* as the caller gave it */
-    char *base;   /* its URL without a trailing slash */
-    const char *advice;
+    char *server;       /* as the caller gave it */
+    char *base;         /* its URL without a trailing slash */
+    const char *advice; /* of client_set_advice; NULL: the usual one */
     char fault[CURL_ERROR_SIZE];
 };
+
+#define START_UNITS "`systemctl start hexad.socket hexad.service`"
+#define RESET_UNITS "`systemctl reset-failed hexad.service hexad.socket`"
+#define SHOW_LOG "`journalctl -u hexad -n 20`"
+#define WITHOUT_SERVICE "`hexad-worker sample FILE` needs no service"
 
 /* Limit of a line of an event stream. */
 #define EVENT_LIMIT_BYTES (1u << 20)
@@ -57,9 +62,6 @@ client *client_open(const char *server, const char *token, const char *authoriti
         return NULL;
     }
     c->server = mem_strdup(server);
-    c->advice =
-        "start hexad (`systemctl start hexad.socket` as root; from a clone, `hexad --state_dir DIR &`), or name its "
-        "address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock";
     c->base = mem_strdup(unix_path ? "http://localhost" : server);
     for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
         c->base[length - 1] = '\0';
@@ -154,6 +156,43 @@ static bool answers_without_tls(const client *c)
     return status == 200;
 }
 
+/* Whether the units of systemd are installed on this machine. The directories are those of systemd.unit(5). */
+static bool has_units(void)
+{
+    static const char usual[] =
+        "/etc/systemd/system:/usr/local/lib/systemd/system:/lib/systemd/system:/usr/lib/systemd/system";
+    const char *given = getenv("SYSTEMD_UNIT_PATH"), *rest = given && *given ? given : usual;
+    struct stat info;
+    bool found = false;
+    while (!found && *rest) {
+        const size_t length = strcspn(rest, ":");
+        char *unit = mem_printf("%.*s/hexad.socket", (int)length, rest);
+        found = stat(unit, &info) == 0 && S_ISREG(info.st_mode); /* a masked unit is a link to /dev/null */
+        free(unit);
+        rest += length + (rest[length] == ':');
+    }
+    return found;
+}
+
+static const char *advice_on_start(const client *c)
+{
+    if (c->advice) return c->advice;
+    return has_units()
+               ? "start hexad (as root: " START_UNITS "; after a failed start, " SHOW_LOG
+                 " says why, and " RESET_UNITS " is needed first), or name its address with --server or "
+                 "HEXAD_SERVER, such as unix:DIR/hexad.sock. " WITHOUT_SERVICE
+               : "start hexad (`hexad --state_dir DIR &`; as a service of systemd, install the package hexad "
+                 "first), or name its address with --server or HEXAD_SERVER, such as unix:DIR/hexad.sock. " WITHOUT_SERVICE;
+}
+
+/* For a Unix socket that was connected and gave no answer. */
+static const char *advice_on_silence(void)
+{
+    return has_units() ? "hexad ended or is stuck: " SHOW_LOG
+                         " says why. Correct it; then run as root " RESET_UNITS " and " START_UNITS
+                       : "hexad ended or is stuck: its log says why. Correct it and start hexad again";
+}
+
 /* Sets the error for a Unix socket to which this user must not connect. */
 static bool explain_refusal(const client *c, error *e)
 {
@@ -184,11 +223,12 @@ static bool explain_no_connection(const client *c, CURLcode code, error *e)
     curl_easy_getinfo(c->curl, CURLINFO_OS_ERRNO, &number);
     if (number == EACCES && strncmp(c->server, UNIX, strlen(UNIX)) == 0) return explain_refusal(c, e);
     return error_set(e, ERROR_INTERNAL, "%s: cannot connect (%s): %s", c->server,
-                     number ? strerror((int)number) : curl_easy_strerror(code), c->advice);
+                     number ? strerror((int)number) : curl_easy_strerror(code), advice_on_start(c));
 }
 
 static bool perform(client *c, const char *path, long *status, error *e)
 {
+    const bool is_unix = strncmp(c->server, UNIX, strlen(UNIX)) == 0;
     char *url = mem_printf("%s%s", c->base, path);
     c->fault[0] = '\0';
     curl_easy_setopt(c->curl, CURLOPT_URL, url);
@@ -206,9 +246,12 @@ static bool perform(client *c, const char *path, long *status, error *e)
             e, ERROR_INTERNAL,
             "%s: the server does not answer in HTTP (%s): if this port uses TLS, write https://%s", c->server,
             *c->fault ? c->fault : curl_easy_strerror(code), c->base + strlen(HTTP));
+    const bool silent = code == CURLE_RECV_ERROR || code == CURLE_SEND_ERROR || code == CURLE_GOT_NOTHING ||
+                        code == CURLE_OPERATION_TIMEDOUT;
     if (code != CURLE_OK)
-        return error_set(e, ERROR_INTERNAL, "%s: %s", c->server,
-                         *c->fault ? c->fault : curl_easy_strerror(code));
+        return error_set(e, ERROR_INTERNAL, "%s: %s%s%s", c->server,
+                         *c->fault ? c->fault : curl_easy_strerror(code), silent && is_unix ? ": " : "",
+                         silent && is_unix ? advice_on_silence() : "");
     curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, status);
     return true;
 }

@@ -38,6 +38,7 @@ typedef struct command_options {
     bool accept;  /* of wait, and of others with `wait`: COMMAND_OK for an accepted outcome (queue.accept) */
     bool several; /* the command line has more than one argument */
     bool on_service; /* of sample: the argument is a path of the service */
+    bool all;        /* of delete-upload: for all users */
     command_values label;
     command_values set;                            /* of submit and sample: see spec/sample_spec.h */
     command_values depends_on;                     /* of submit: jobs, named as on the command line */
@@ -54,7 +55,9 @@ typedef struct command_options {
     size_t mesh_count;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
     const char *attempt; /* of log */
-    const char *output;  /* of fetch and sample: a directory; NULL: the job's id, or the stem of the file */
+    const char *called;  /* the job as the command line names it */
+    const char
+        *output; /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
     const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
     const char *file;    /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the picture to; NULL: none */
@@ -68,7 +71,7 @@ typedef struct command_options {
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_attach, command_sample, command_submit, command_validate, command_estimate, command_upload,
-    command_inspect;
+    command_uploads, command_delete_upload, command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_deliver, command_delete,
@@ -126,11 +129,12 @@ int command_wait_for_copy(client *c, const char *path, const command_options *op
 /* Submits a spec given as text, like command_submit. */
 int command_submit_text(client *c, const char *spec, const command_options *options);
 
-/* Posts a spec given as text, without waiting. On success *job is the job, which the caller frees. */
-int command_post_text(client *c, const char *spec, const command_options *options, json **job);
+/* Posts a spec given as text, without waiting. `final`: its inputs cannot change, so it is not submitted if they are
+ * found to have a fault. On success *job is the job, which the caller frees. */
+int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job);
 
-/* Whether the service has the file with this hash from this user. */
-bool command_knows_file(client *c, const char *hex);
+/* Sets *known to whether the service has the file with this hash from this user. Fails only if there is no answer. */
+int command_knows_file(client *c, const char *hex, bool *known);
 
 /* Sends a file with this hash that the caller has opened, and its name; no bytes if it is `known`
  * (command_knows_file). On success *document is the answer, which the caller frees. */

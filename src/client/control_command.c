@@ -9,6 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "client/command.h"
+#include "client/job_table.h"
 #include "client/print.h"
 
 /* Posts a command for one job. On success *document is the job; the caller frees it. */
@@ -176,12 +177,11 @@ int command_workers(client *c, const char *argument, const command_options *opti
                json_number(json_member(&load, "threads_limit"), 0),
                json_number(json_member(&load, "memory_mb"), 0),
                json_number(json_member(&load, "memory_mb_limit"), 0));
-        for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker)) {
-            terminal_text_put(stdout, json_string(json_member(&worker, "job"), "?"));
-            printf("  attempt %.0f  ", json_number(json_member(&worker, "attempt"), 0));
-            terminal_text_put(stdout, json_string(json_member(&worker, "owner"), "?"));
-            putchar('\n');
-        }
+        table t = job_table_new_workers();
+        for (json_at worker = json_first(&list); worker.node; worker = json_next(&worker))
+            job_table_add_worker(&t, worker);
+        if (json_first(&list).node) table_print(&t);
+        table_clear(&t);
         command_print_user_limits(document, NULL, stdout);
         command_explain_waiting(c, stdout);
     }
@@ -191,14 +191,15 @@ int command_workers(client *c, const char *argument, const command_options *opti
 
 static void print_usage_row(json_at row, const char *name)
 {
-    static const char *const columns[] = {"bytes", "results"};
-    for (size_t i = 0; i < 2; i++) {
+    static const char *const columns[] = {"bytes", "results", "upload_bytes"};
+    for (size_t i = 0; i < 3; i++) {
         char *limit = mem_printf("%s_limit", columns[i]);
-        double unit = i == 0 ? 1 << 20 : 1;
+        const bool is_size = i != 1;
+        double unit = is_size ? 1 << 20 : 1;
         json_at most = json_member(&row, limit);
-        printf("%10.*f", i == 0, json_number(json_member(&row, columns[i]), 0) / unit);
+        printf("%10.*f", is_size, json_number(json_member(&row, columns[i]), 0) / unit);
         if (json_type_of(most) == JSON_NUMBER)
-            printf(" of %-10.*f  ", i == 0, json_number(most, 0) / unit);
+            printf(" of %-10.*f  ", is_size, json_number(most, 0) / unit);
         else
             terminal_text_print(stdout, "    %-10s  ", "");
         free(limit);
@@ -215,7 +216,8 @@ int command_usage(client *c, const char *argument, const command_options *option
     int code = command_ask(c, "GET", "/v1/usage", NULL, &document);
     json_at root = json_root(document), list = json_member(&root, "users");
     if (code == COMMAND_OK) {
-        terminal_text_print(stdout, "%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
+        terminal_text_print(stdout, "%10s%16s%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "UPLOAD_MIB",
+                            "", "USER");
         print_usage_row(json_member(&root, "all"), "(all)");
         for (json_at row = json_first(&list); row.node; row = json_next(&row)) {
             print_usage_row(row, json_string(json_member(&row, "user"), "?"));
@@ -225,6 +227,18 @@ int command_usage(client *c, const char *argument, const command_options *option
     }
     json_free(document);
     return code;
+}
+
+/* Whether /readyz has this state of a part of the service. */
+static bool is_in_state(client *c, const char *part, const char *state)
+{
+    error e = {0};
+    client_reply reply = {0};
+    const bool answered = client_call(c, "GET", "/readyz", NULL, 0, &reply, &e);
+    json_at root = json_root(reply.document), checks = json_member(&root, "checks");
+    const bool is = answered && strcmp(json_string(json_member(&checks, part), ""), state) == 0;
+    client_reply_clear(&reply);
+    return is;
 }
 
 /* Begins or ends a drain or a hold of the service. `ended`: the state after the end; NULL: it begins. */
@@ -261,11 +275,17 @@ int command_hold(client *c, const char *argument, const command_options *options
 int command_release(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/release", "the hold is ended", options);
+    const bool held = options->json || is_in_state(c, "queue", "held");
+    return change_service(c, "/v1/admin/release", held ? "the hold is ended" : "the queue was not held",
+                          options);
 }
 
 int command_undrain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    return change_service(c, "/v1/admin/resume", "the drain is ended: the service accepts jobs", options);
+    const bool drained = options->json || is_in_state(c, "jobs", "draining");
+    return change_service(c, "/v1/admin/resume",
+                          drained ? "the drain is ended: the service accepts jobs"
+                                  : "the service was not drained: it accepts jobs",
+                          options);
 }

@@ -15,6 +15,7 @@
 #include "base/core/terminal_text.h"
 #include "client/command.h"
 #include "client/job_table.h"
+#include "client/list_query.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
 #include "client/stack.h"
@@ -215,8 +216,9 @@ typedef struct fetching {
     int all, fetched, unended, lost;
     int seen; /* number of requested frames that the job has */
     progress_bar bar;
-    json *frames; /* for --json */
-    stack *stack; /* the archive of all points; NULL: each frame gets a directory */
+    json *frames;   /* for `document` */
+    stack *stack;   /* the archive of all points; NULL: each frame gets a directory */
+    json *document; /* with --json: what was fetched */
 } fetching;
 
 static bool is_wanted(const fetching *f, int frame)
@@ -335,8 +337,7 @@ static int sum_up(fetching *f)
         json_put_integer(document, "fetched", f->fetched);
         json_put(document, "frames", f->frames);
         f->frames = NULL;
-        print_document(document);
-        json_free(document);
+        f->document = document;
     }
     if (f->silent && f->fetched == f->all) return COMMAND_OK;
     fprintf(stderr, "%d of %d frames are fetched to ", f->fetched, f->all);
@@ -377,6 +378,10 @@ static int fetch_array(client *c, fetching *f, json_at job)
     int code = fetch_tasks(c, f);
     progress_bar_clear(&f->bar);
     if (code == COMMAND_OK && f->stack && !stack_write(f->stack, &e)) code = print_failure("%s", e.message);
+    if (code == COMMAND_OK && f->stack && stack_ids_differ(f->stack))
+        print_failure(
+            "%s: row k is not the same point in each frame: match rows by id, or use hexadctl attach",
+            f->options->stack);
     int sum = sum_up(f);
     json_free(f->frames);
     free(f->wanted);
@@ -400,14 +405,17 @@ static int fetch_single(client *c, fetching *f, json_at job)
     print_identity(f, job);
     char *list = mem_printf("/v1/jobs/%s/results", f->id);
     int code = fetch_list(c, list, f->directory, f->directory, f->silent || f->options->json, &found);
-    if (code == COMMAND_OK && f->options->json) print_document(found);
-    json_free(found);
+    if (code == COMMAND_OK && f->options->json)
+        f->document = found;
+    else
+        json_free(found);
     free(list);
     return code;
 }
 
+/* Fetches a job. With --json, *document is what was fetched; the caller frees it. */
 static int fetch_job(client *c, json_at job, const char *directory, bool silent,
-                     const command_options *options)
+                     const command_options *options, json **document)
 {
     error e = {0};
     json_at tasks = json_member(&job, "tasks");
@@ -427,21 +435,168 @@ static int fetch_job(client *c, json_at job, const char *directory, bool silent,
                   .all = (int)json_number(json_member(&tasks, "all"), 0)};
     int code = array ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
     stack_free(all);
+    *document = f.document;
     return code;
+}
+
+/* ---- all jobs with a label */
+
+/* Whether a text is the name of a file that is not hidden. */
+static bool is_file_name(const char *text)
+{
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == 127 || *c == '/') return false;
+    return *text && *text != '.' && strlen(text) <= NAME_MAX;
+}
+
+/* Whether another job of the list has this name, or has it as its id. */
+static bool is_shared_name(json_at jobs, const char *id, const char *name)
+{
+    for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
+        const char *other = json_string(json_member(&job, "id"), "");
+        if (strcmp(other, id) != 0 &&
+            (strcmp(json_string(json_member(&job, "name"), ""), name) == 0 || strcmp(other, name) == 0))
+            return true;
+    }
+    return false;
+}
+
+/* The directory of a job below the common one: its name, or its id if the name is no name of a file or is that of
+ * several jobs. The caller frees it. */
+static char *directory_of(json_at jobs, json_at job, const char *above)
+{
+    const char *id = json_string(json_member(&job, "id"), ""),
+               *name = json_string(json_member(&job, "name"), "");
+    return mem_printf("%s/%s", above, is_file_name(name) && !is_shared_name(jobs, id, name) ? name : id);
+}
+
+/* Prints why a job has no results to fetch. False: it has some. */
+static bool explain_missing(json_at job)
+{
+    const char *state = json_string(json_member(&job, "state"), "?"),
+               *id = json_string(json_member(&job, "id"), "?"),
+               *name = json_string(json_member(&job, "name"), "");
+    json_at fault = json_member(&job, "error");
+    if (strcmp(state, "succeeded") == 0 || json_bool(json_member(&job, "array"), false)) return false;
+    if (command_has_ended(job))
+        print_failure("%s%s%s has no results: %s%s%s", id, *name ? " " : "", name, state,
+                      fault.node ? ": " : "", json_string(json_member(&fault, "message"), ""));
+    else
+        print_failure("%s%s%s has not ended: %s. Fetch again later", id, *name ? " " : "", name, state);
+    return true;
+}
+
+/* Fetches the jobs of the list, each into a directory of its own. Returns the exit code of the first job that was
+ * not fetched. */
+static int fetch_jobs(client *c, json_at jobs, const char *directory, const command_options *options)
+{
+    int result = COMMAND_OK;
+    size_t fetched = 0;
+    json *document = json_new_object();
+    json *list = json_put_array(document, "jobs");
+    for (json_at job = json_first(&jobs); job.node && result != COMMAND_UNREACHABLE; job = json_next(&job)) {
+        json *found = NULL;
+        char *where = directory_of(jobs, job, directory);
+        int code = explain_missing(job) ? COMMAND_MISSING : fetch_job(c, job, where, false, options, &found);
+        fetched += code == COMMAND_OK;
+        if (found) {
+            json_put_string(found, "job", json_string(json_member(&job, "id"), ""));
+            json_put_string(found, "directory", where);
+            json_append(list, found);
+        }
+        if (result == COMMAND_OK || code == COMMAND_UNREACHABLE) result = code;
+        free(where);
+    }
+    if (options->json) print_document(document);
+    json_free(document);
+    fprintf(stderr, "%zu of %zu jobs are fetched to ", fetched, json_size(jobs));
+    terminal_text_put(stderr, directory);
+    fputc('\n', stderr);
+    return result;
+}
+
+/* Fetches all jobs with the label, of the caller or of the user that the options name. */
+static int fetch_label(client *c, const command_options *options)
+{
+    command_options chosen = *options;
+    const char *label = options->label.item[0], *directory = options->output ? options->output : label;
+    json *session = NULL, *jobs = NULL;
+    if (options->frame || options->stack || options->label.count > 1) {
+        print_failure("fetch: --label is given once, and excludes --frame and --stack: omit them");
+        return COMMAND_USAGE;
+    }
+    if (!options->output && !is_file_name(label)) {
+        print_failure("fetch: the label %s is no name of a directory: add --output DIR", label);
+        return COMMAND_USAGE;
+    }
+    int code = options->owner ? COMMAND_OK : command_ask(c, "GET", "/v1/session", NULL, &session);
+    json_at root = json_root(session);
+    if (!options->owner) chosen.owner = json_string(json_member(&root, "user"), "");
+    if (code == COMMAND_OK) code = list_query_read_all(c, &chosen, &jobs);
+    if (code == COMMAND_OK && !json_size(json_root(jobs))) {
+        print_failure("the user %s has no jobs with the label %s: run \"hexadctl list\" for jobs",
+                      chosen.owner, label);
+        code = COMMAND_MISSING;
+    } else if (code == COMMAND_OK) {
+        code = fetch_jobs(c, json_root(jobs), directory, options);
+    }
+    json_free(jobs);
+    json_free(session);
+    return code;
+}
+
+/* Whether a result of the job may be written into a directory: it does not exist or has files of this result. */
+static bool may_hold(client *c, json_at job, const char *directory)
+{
+    error e = {0};
+    client_reply reply = {0};
+    const char *id = json_string(json_member(&job, "id"), "");
+    if (store_directory_is_free(directory, false)) return true;
+    if (json_bool(json_member(&job, "array"), false))
+        return has_frames(directory) && !has_other_frames(c, id, directory);
+    char *list = mem_printf("/v1/jobs/%s/results", id);
+    bool has_file = false;
+    const bool known = client_call(c, "GET", list, NULL, 0, &reply, &e) && reply.status == 200;
+    json_at root = json_root(reply.document), results = json_member(&root, "results");
+    for (json_at item = json_first(&results); known && !has_file && item.node; item = json_next(&item)) {
+        char *path = mem_printf("%s/%s", directory, json_string(json_member(&item, "name"), ""));
+        has_file = is_there(path, json_string(json_member(&item, "sha256"), ""));
+        free(path);
+    }
+    const bool may = has_file && !has_other_result(directory, results);
+    client_reply_clear(&reply);
+    free(list);
+    return may;
+}
+
+/* The directory of a fetch without --output: the name of the job if the command line has it, otherwise the ID. */
+static const char *default_directory(client *c, json_at job, const char *called)
+{
+    const char *name = json_string(json_member(&job, "name"), "");
+    const bool is_called = called && strcmp(called, name) == 0 && is_file_name(name);
+    return is_called && may_hold(c, job, name) ? name : json_string(json_member(&job, "id"), "");
 }
 
 int command_fetch(client *c, const char *argument, const command_options *options)
 {
-    json *document = NULL;
+    json *document = NULL, *found = NULL;
+    if (!argument == !options->label.count || (argument && options->owner)) {
+        print_failure("fetch: give either the ID of a job or one --label, and --owner only with --label");
+        return COMMAND_USAGE;
+    }
+    if (!argument) return fetch_label(c, options);
     char *path = command_job_path(argument, "");
     if (!path) return COMMAND_USAGE;
     int code = command_ask(c, "GET", path, NULL, &document);
-    if (code == COMMAND_OK)
-        code = fetch_job(c, json_root(document),
-                         options->output  ? options->output
-                         : options->stack ? options->stack
-                                          : argument,
-                         false, options);
+    if (code == COMMAND_OK) {
+        const json_at job = json_root(document);
+        const char *directory = options->output  ? options->output
+                                : options->stack ? options->stack
+                                                 : default_directory(c, job, options->called);
+        code = fetch_job(c, job, directory, false, options, &found);
+    }
+    if (found) print_document(found);
+    json_free(found);
     json_free(document);
     free(path);
     return code;
@@ -451,10 +606,11 @@ int command_fetch_into(client *c, const char *id, const char *directory)
 {
     const command_options plain = {0};
 
-    json *document = NULL;
+    json *document = NULL, *found = NULL;
     char *path = command_job_path(id, "");
     int code = path ? command_ask(c, "GET", path, NULL, &document) : COMMAND_USAGE;
-    if (code == COMMAND_OK) code = fetch_job(c, json_root(document), directory, true, &plain);
+    if (code == COMMAND_OK) code = fetch_job(c, json_root(document), directory, true, &plain, &found);
+    json_free(found);
     json_free(document);
     free(path);
     return code;

@@ -153,7 +153,8 @@ static int refuse_unknown(const char *user, const char *name)
     free(lower);
     print_failure(
         "the user %s has no job %s: give the 26 characters of an ID, its first %d characters or more, the name "
-        "of a job, or " JOB_NAME_LATEST "%s",
+        "of a job, or " JOB_NAME_LATEST
+        "%s. \"hexadctl list --name NAME\" prints the IDs of the jobs of all users",
         user, name, JOB_NAME_PREFIX_LEAST, n.name ? "; did you mean " JOB_NAME_LATEST "?" : "");
     return COMMAND_MISSING;
 }

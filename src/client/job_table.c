@@ -58,6 +58,13 @@ static char *print_span(int64_t ms, char *text, size_t size)
     return text;
 }
 
+char *job_table_new_age(json_at object, const char *key)
+{
+    char text[24];
+    const int64_t at = time_of(object, key);
+    return mem_strdup(at ? print_span(clock_wall_ms() - at, text, sizeof text) : "-");
+}
+
 /* Prints the duration of an object from its start to its end or to now; "-" if it has not started. */
 static char *print_duration(json_at object, char *text, size_t size)
 {
@@ -280,7 +287,25 @@ void job_table_print(json_at job, json_at dependents)
     print_moment(job, "finished", started ? started : created, "took ", "");
     if (text_of(job, "cached_from", NULL)) print_line("result of", text_of(job, "cached_from", ""));
     print_tasks(job);
+    print_size(stdout, "  points    ", json_member(&job, "notes"));
     print_ratings(stdout, "  packing   ", json_member(&job, "notes"));
     print_notes(stdout, json_member(&job, "notes"));
     print_attempts(job);
+}
+
+table job_table_new_workers(void)
+{
+    static const char *const titles[] = {"JOB", "ATTEMPT", "USER", "NAME", "HOST", "THREADS", "MEMORY"};
+    return table_new(titles, sizeof titles / sizeof *titles);
+}
+
+void job_table_add_worker(table *t, json_at worker)
+{
+    table_add(t, mem_strdup(text_of(worker, "job", "?")));
+    table_add(t, mem_printf("%.0f", number_of(worker, "attempt")));
+    table_add(t, mem_strdup(text_of(worker, "owner", "?")));
+    table_add(t, mem_strdup(name_of(worker)));
+    table_add(t, mem_strdup(text_of(worker, "host", "-")));
+    table_add(t, mem_printf("%.0f", number_of(worker, "threads")));
+    table_add(t, mem_printf("%.0f MiB", number_of(worker, "memory_mb")));
 }

@@ -9,6 +9,10 @@
  * page; NULL: the first page. */
 char *list_query_path(client *c, const command_options *options, const char *cursor);
 
+/* Reads all pages of the jobs that the options select, the newest first. Returns an exit code; on success *jobs is an
+ * array of their documents, which the caller frees. */
+int list_query_read_all(client *c, const command_options *options, json **jobs);
+
 /* Whether the text may be a time: "90m", "90m ago", or a text that begins with a year. The server checks
  * the rest. */
 bool list_query_is_moment(const char *given);

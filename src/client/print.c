@@ -151,6 +151,15 @@ static void print_note(FILE *file, const char *kind, json_at text)
     fputc('\n', file);
 }
 
+void print_size(FILE *file, const char *title, json_at notes)
+{
+    json_at count = json_member(&notes, "count"), spacing = json_member(&notes, "spacing");
+    if (json_type_of(count) != JSON_NUMBER) return;
+    terminal_text_print(file, "%s%.0f points", title, json_number(count, 0));
+    if (json_type_of(spacing) == JSON_NUMBER) fprintf(file, ", spacing %.3g", json_number(spacing, 0));
+    fputc('\n', file);
+}
+
 void print_ratings(FILE *file, const char *title, json_at notes)
 {
     json_at ratings = json_member(&notes, "ratings");

@@ -27,6 +27,9 @@ void print_delivered_job(json_at job);
 /* Whether results of the job could not be copied to output.directory. */
 bool print_is_undelivered(json_at job);
 
+/* Prints the number of points and their spacing after the title, such as "5738 points, spacing 0.0503". Prints nothing
+ * if the notes lack them. */
+void print_size(FILE *file, const char *title, json_at notes);
 /* Prints the ratings of the notes of a job after the title, such as "packing: hex_fraction 0.937 good,
  * edge_cv 0.0559 good". Prints nothing if there are no ratings. */
 void print_ratings(FILE *file, const char *title, json_at notes);

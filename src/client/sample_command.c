@@ -3,6 +3,7 @@
  * for a spec that samples it, submits a job, waits for its end and fetches the result. */
 #include <math.h>
 #include <poll.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -73,9 +74,10 @@ static int send_input(client *c, const char *path, bool quiet, char **in_spec)
     json *document = NULL;
     int code = command_open_file(path, &file, hex, &bytes);
     if (code != COMMAND_OK) return code;
-    const bool known = command_knows_file(c, hex);
-    if (!quiet) print_sending(path, bytes, known);
-    code = command_send_file(c, file, path, hex, bytes, known, &document);
+    bool known = false;
+    code = command_knows_file(c, hex, &known);
+    if (code == COMMAND_OK && !quiet) print_sending(path, bytes, known);
+    if (code == COMMAND_OK) code = command_send_file(c, file, path, hex, bytes, known, &document);
     if (code == COMMAND_OK) *in_spec = mem_printf(STORE_INPUT_PREFIX "%s%s", hex, sample_spec_ending(path));
     fclose(file);
     json_free(document);
@@ -106,7 +108,7 @@ static sample_options wanted_of(const command_options *options)
                             .set_count = options->set.count};
 }
 
-/* Asks for an inspection, again while the service is busy. If the service cannot inspect the file, or not within
+/* Asks for an inspection if one is needed, again while the service is busy. If the service cannot inspect the file, or not within
  * its time limit (setting estimate_timeout_s), the surface is the whole mesh, or the volume if the options name all
  * of the spec. */
 static int inspect(client *c, const char *in_spec, const char *path, const char *member,
@@ -114,8 +116,9 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
 {
     const sample_options wanted = wanted_of(options);
     const bool is_mesh = member && strcmp(member, "mesh") == 0,
+               has_grids = member && strcmp(member, "vdb") == 0,
                is_complete = member && sample_spec_is_complete(member, &wanted);
-    if (is_mesh && is_complete) {
+    if (member && !sample_spec_needs_inspection(member, &wanted)) {
         *inspection = sample_spec_unseen(member, in_spec);
         return COMMAND_OK;
     }
@@ -145,9 +148,16 @@ static int inspect(client *c, const char *in_spec, const char *path, const char 
             name_file(reply.document, in_spec, path);
             code = print_refused(&reply);
             if (reply.status == 503)
-                print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s",
+                print_failure("sample: run hexad-worker sample FILE, whose inspection has no limit%s%s%s%s",
                               member ? ", or give --count and --set /surface/" : "", member ? member : "",
-                              member ? "/isovalue=V" : "");
+                              member ? "/isovalue=V" : "",
+                              has_grids ? ", and --set /surface/vdb/grid=NAME if the file has several grids"
+                                        : "");
+            if (reply.status == 503 && member && strcmp(member, "volume") == 0)
+                print_failure("sample: if the values are labels, submit this spec: "
+                              "{\"version\":1,\"surface\":{\"labels\":{\"path\":\"%s\"}},"
+                              "\"sampling\":{\"count\":%d}}",
+                              in_spec, SAMPLE_SPEC_COUNT_MOST);
         } else {
             *inspection = reply.document;
             reply.document = NULL;
@@ -167,8 +177,12 @@ static bool check(const char *path, const char *directory, const command_options
     error e = {0};
     const sample_options wanted = wanted_of(options);
     const char *why = options->on_service ? NULL : unsendable(path, member);
+    const bool is_sequence = why && frames_is_pattern(path) && file_format_of_name(path) != FILE_FORMAT_EXR;
     if (options->on_service) *member = member_of(file_format_of_name(path));
-    bool ok = !why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE, path, why);
+    bool ok = !why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE "%s%s%s", path, why,
+                                is_sequence ? ", or send the files with hexadctl upload '" : "",
+                                is_sequence ? path : "",
+                                is_sequence ? "', which says how to sample them by one job" : "");
     ok = ok && (*inspected = sample_spec_inspected(path, &wanted, &e));
     if (ok && !store_directory_is_free(directory, options->output != NULL))
         ok = error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, directory);
@@ -184,11 +198,39 @@ static char *make_spec(const json *inspection, const char *path, const command_o
     json *spec = sample_spec_make(inspection, path, &wanted, &e);
     char *text = spec ? json_print(spec) : NULL;
     if (!spec) print_failure("sample: %s", e.message);
-    char *note = spec && !options->json ? sample_spec_isovalue_note(inspection, &wanted) : NULL;
-    if (note) terminal_text_print(stderr, "%s\n", note);
-    free(note);
+    char *of_isovalue = NULL, *of_volume = NULL;
+    if (spec && !options->json) {
+        of_isovalue = sample_spec_isovalue_note(inspection, &wanted);
+        of_volume = sample_spec_volume_note(inspection, &wanted);
+    }
+    if (of_volume) terminal_text_print(stderr, "%s\n", of_volume);
+    if (of_isovalue) terminal_text_print(stderr, "%s\n", of_isovalue);
+    free(of_volume);
+    free(of_isovalue);
     json_free(spec);
     return text;
+}
+
+/* What a terminating signal prints while the command waits. */
+static char interrupted_text[256];
+
+static void tell_interrupted(int number)
+{
+    const ssize_t written = write(STDERR_FILENO, interrupted_text, strlen(interrupted_text));
+    (void)written; /* the process ends in any case; SA_RESETHAND restored the default action */
+    raise(number);
+}
+
+/* From now on an interruption prints that the job continues. */
+static void explain_interruptions(const char *id)
+{
+    struct sigaction action = {.sa_handler = tell_interrupted, .sa_flags = SA_RESETHAND};
+    snprintf(
+        interrupted_text, sizeof interrupted_text,
+        "\nhexadctl: the job %.40s continues: \"hexadctl wait %.40s\" waits for its end, and \"hexadctl cancel %.40s\" cancels it\n",
+        id, id, id);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
 }
 
 /* Waits for the end of the job, and fetches its result into the directory, with the spec. Returns the exit
@@ -232,13 +274,14 @@ int command_sample(client *c, const char *argument, const command_options *optio
         const command_options plain = {.json = options->json};
         if (!options->json) terminal_text_print(stdout, "spec: %s\n", spec);
         fflush(stdout);
-        code = command_post_text(c, spec, &plain, &job);
+        code = command_post_text(c, spec, !options->on_service, &plain, &job);
     }
     if (code == COMMAND_OK) {
         json_at root = json_root(job);
         const char *id = json_string(json_member(&root, "id"), "");
         /* printed first, so that the id is known if the wait is interrupted */
         terminal_text_print(stderr, "job %s\n", id);
+        explain_interruptions(id);
         code = take_result(c, id, spec, directory, options);
     }
     json_free(inspection);

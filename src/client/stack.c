@@ -66,14 +66,13 @@ stack *stack_begin(const char *path, error *e)
     char *place = mem_printf("%s.XXXXXX", path);
     int fd = mkstemp(place);
     *s = (stack){.path = mem_strdup(path), .records = fd < 0 ? NULL : fdopen(fd, "w+b")};
+    if (!s->records) error_set(e, error_code_of_errno(errno), "cannot write %s: %s", path, strerror(errno));
     if (fd >= 0) unlink(place);
-    if (!s->records) {
-        error_set(e, error_code_of_errno(errno), "cannot write %s: %s", path, strerror(errno));
-        stack_free(s);
-        s = NULL;
-    }
     free(place);
-    return s;
+    if (s->records) return s;
+    if (fd >= 0) close(fd);
+    stack_free(s);
+    return NULL;
 }
 
 void stack_free(stack *s)
@@ -171,6 +170,26 @@ bool stack_add(stack *s, FILE *ply, const char *name, int frame, error *e)
 void stack_add_missing(stack *s, const char *name)
 {
     texts_add(&s->missing, name);
+}
+
+bool stack_ids_differ(stack *s)
+{
+    const layout *l = &s->layout;
+    size_t k = 0, offset = 0;
+    while (k < l->count && strcmp(l->column[k].name, "id") != 0) offset += types[l->column[k++].type].bytes;
+    if (k == l->count) return false;
+    const size_t bytes = types[l->column[k].type].bytes, all = s->names.count * l->points;
+    char *ids = mem_alloc(l->points * bytes), *record = mem_alloc(l->record);
+    bool differ = false;
+    rewind(s->records);
+    for (size_t i = 0; !differ && i < all && fread(record, l->record, 1, s->records) == 1; i++) {
+        char *id = ids + i % l->points * bytes;
+        if (i < l->points) memcpy(id, record + offset, bytes);
+        differ = memcmp(id, record + offset, bytes) != 0;
+    }
+    free(ids);
+    free(record);
+    return differ;
 }
 
 /* ---- the archive */
@@ -307,7 +326,10 @@ bool stack_write(stack *s, error *e)
     bool good = archive && write_points(archive, s) && write_frames(archive, s) &&
                 write_texts(archive, "names", &s->names) && write_texts(archive, "missing", &s->missing);
     int why = errno;
-    if (archive && zipClose(archive, NULL) != ZIP_OK) good = false;
+    if (archive && zipClose(archive, NULL) != ZIP_OK && good) {
+        why = errno;
+        good = false;
+    }
     if (good) return store_file_commit(&file, e);
     store_file_abort(&file);
     return error_set(e, error_code_of_errno(why), "cannot write %s: %s", s->path, strerror(why));

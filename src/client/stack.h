@@ -27,6 +27,10 @@ bool stack_add(stack *s, FILE *ply, const char *name, int frame, error *e);
 /* Notes a result that is missing. */
 void stack_add_missing(stack *s, const char *name);
 
+/* Whether the rows of two results have different values of the property `id`, so that row k is not the same point
+ * in each. */
+bool stack_ids_differ(stack *s);
+
 /* Writes the archive, unless nothing was added. */
 bool stack_write(stack *s, error *e);
 

@@ -178,8 +178,9 @@ static void warn_of_faults(const client_reply *found, const char *spec)
     fputs(" The job is accepted, and fails if this is still so when it runs.\n", stderr);
 }
 
-/* Posts the spec at the path, or the given text. On success the caller frees *document. */
-static int post_spec(client *c, const char *to, const char *path, const char *given,
+/* Posts the spec at the path, or the given text. `final`: its inputs cannot change, so the job is not submitted if
+ * they are found to have a fault. On success the caller frees *document. */
+static int post_spec(client *c, const char *to, const char *path, const char *given, bool final,
                      const command_options *options, json **document)
 {
     error e = {0};
@@ -190,7 +191,9 @@ static int post_spec(client *c, const char *to, const char *path, const char *gi
     char *body = has_usable_key(options) ? read_spec(path, given, options, &length) : NULL;
     if (!body) return COMMAND_USAGE;
     if (strcmp(to, JOBS) == 0) look_for_faults(c, body, length, &found);
-    if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
+    if (final && found.status == 422) {
+        code = print_refused_spec(&found, name_of(path));
+    } else if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
         code = print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, name_of(path));
@@ -212,7 +215,7 @@ static int submit(client *c, const char *from, const char *given, const command_
         print_failure("--accept requires --wait");
         return COMMAND_USAGE;
     }
-    int code = post_spec(c, JOBS, from, given, options, &document);
+    int code = post_spec(c, JOBS, from, given, false, options, &document);
     json_at job = json_root(document);
     const char *id = json_string(json_member(&job, "id"), "");
     if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
@@ -245,9 +248,9 @@ int command_submit(client *c, const char *argument, const command_options *optio
     return code;
 }
 
-int command_post_text(client *c, const char *spec, const command_options *options, json **job)
+int command_post_text(client *c, const char *spec, bool final, const command_options *options, json **job)
 {
-    int code = post_spec(c, JOBS, "the spec", spec, options, job);
+    int code = post_spec(c, JOBS, "the spec", spec, final, options, job);
     if (code == COMMAND_OK) command_explain_waiting(c, stderr);
     return code;
 }
@@ -260,7 +263,7 @@ int command_submit_text(client *c, const char *spec, const command_options *opti
 int command_validate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, false, options, &document);
     if (code == COMMAND_OK && options->json) {
         print_document(document);
     } else if (code == COMMAND_OK) {
@@ -291,8 +294,11 @@ static void print_estimate(json_at document)
     printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
     printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
     if (json_type_of(seconds) == JSON_NUMBER) {
-        terminal_text_print(stdout, "time     %.3g s with %.0f thread%s, without writing the results\n",
+        const double weights_s = json_number(json_member(&estimate, "weights_seconds"), 0);
+        terminal_text_print(stdout, "time     %.3g s with %.0f thread%s, without writing the results",
                             json_number(seconds, 0), threads, threads == 1 ? "" : "s");
+        if (weights_s > 0) printf("; of this, weights: %.3g s", weights_s);
+        putchar('\n');
     } else {
         fputs("time     unknown: ", stdout);
         terminal_text_put(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
@@ -304,7 +310,7 @@ static void print_estimate(json_at document)
 int command_estimate(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, options, &document);
+    int code = post_spec(c, "/v1/jobs:validate", argument, NULL, false, options, &document);
     json_at root = json_root(document), estimate = json_member(&root, "estimate");
     bool known = json_type_of(estimate) == JSON_OBJECT;
     if (code == COMMAND_OK && options->json) print_document(document);
@@ -316,15 +322,16 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-bool command_knows_file(client *c, const char *hex)
+int command_knows_file(client *c, const char *hex, bool *known)
 {
     error e = {0};
     client_reply reply = {0};
     char *path = mem_printf("/v1/inputs/%s", hex);
-    bool known = client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200;
+    int code = client_call(c, "GET", path, NULL, 0, &reply, &e) ? COMMAND_OK : print_unreachable(&e);
+    *known = code == COMMAND_OK && reply.status == 200;
     client_reply_clear(&reply);
     free(path);
-    return known;
+    return code;
 }
 
 int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
@@ -378,8 +385,9 @@ static int upload_file(client *c, const char *argument, const command_options *o
     json *document = NULL;
     FILE *file = NULL;
     int code = command_open_file(argument, &file, hex, &bytes);
-    if (code == COMMAND_OK)
-        code = command_send_file(c, file, argument, hex, bytes, command_knows_file(c, hex), &document);
+    bool known = false;
+    if (code == COMMAND_OK) code = command_knows_file(c, hex, &known);
+    if (code == COMMAND_OK) code = command_send_file(c, file, argument, hex, bytes, known, &document);
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
@@ -421,9 +429,11 @@ int command_upload(client *c, const char *argument, const command_options *optio
         free(path);
     }
     if (count && code == COMMAND_OK)
-        fputs("hexadctl: uploaded files cannot be the frames of one job: submit one job for each, "
-              "or put the files below an input root and write #### in the path\n",
-              stderr);
+        print_failure(
+            "to sample these files by one job, write {file} for the path and list the names in queue.files: "
+            "\"surface\": {\"%s\": {\"path\": \"{file}\"}}, \"queue\": {\"files\": [\"" STORE_INPUT_PREFIX
+            "...%s\", ...]}",
+            sample_spec_member(file_format_of_name(argument)), sample_spec_ending(argument));
     free(frame);
     return code;
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/core/clock.h"
+#include "base/core/memory.h"
 #include "client/command.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
@@ -34,6 +35,10 @@ static int end_wait(client *c, const json *document, const command_options *opti
         print_document(document);
     else
         print_job(job);
+    char *title =
+        options->several ? mem_printf("%s: ", json_string(json_member(&job, "id"), "?")) : mem_strdup("");
+    print_size(stderr, title, json_member(&job, "notes"));
+    free(title);
     print_ratings(stderr, "packing: ", json_member(&job, "notes"));
     print_notes(stderr, json_member(&job, "notes"));
     int code = command_print_frame_outcomes(c, job, stderr);

@@ -144,13 +144,13 @@ static char *explain(const store_outputs *outputs, const char *path, int fault)
 static bool fail_below(const store_outputs *outputs, error *e, const char *what, const char *path)
 {
     const int fault = errno;
-    const error_code code = code_of(fault);
-    char *why = explain(outputs, path, fault);
-    error_set(e, code, "%s: %s: %s%s%s", path, what, fault == ELOOP ? "a symbolic link" : strerror(fault),
-              why,
-              code == ERROR_OUTPUT_UNWRITABLE
-                  ? ". The mount options and ReadWritePaths= in the unit of systemd must permit it, too"
-                  : "");
+    const char *root = outputs ? outputs->roots[store_output_root_of(outputs, path)] : path;
+    char *why = fault == EROFS ? denial_describe_read_only(root) : explain(outputs, path, fault);
+    const char *units = fault == EACCES || fault == EPERM
+                            ? ". ReadWritePaths= in the unit of systemd must permit it, too"
+                            : "";
+    error_set(e, code_of(fault), "%s: %s: %s%s%s", path, what,
+              fault == ELOOP ? "a symbolic link" : strerror(fault), why, units);
     free(why);
     return false;
 }

@@ -189,7 +189,8 @@ void hexad_job_set_progress(hexad_job *job, hexad_progress *function, void *cont
 /* Whether a member of `output` applies to a call. */
 static bool is_for_arrays(const char *key)
 {
-    return strcmp(key, "order") == 0 || strcmp(key, "orient") == 0 || strcmp(key, "mesh") == 0;
+    return strcmp(key, "order") == 0 || strcmp(key, "orient") == 0 || strcmp(key, "mesh") == 0 ||
+           strcmp(key, "ply") == 0;
 }
 
 static bool is_false(json_at at)
@@ -210,6 +211,13 @@ static bool refuse_members(const json *document, error *e)
         if (!is_for_arrays(member.key) && !is_false(member))
             return error_set(e, ERROR_NOT_SUPPORTED,
                              "/output/%.64s: a call returns arrays and writes no files: remove it",
+                             member.key);
+    const json_at ply = json_member(&output, "ply");
+    if (json_type_of(ply) != JSON_OBJECT) return true;
+    for (json_at member = json_first(&ply); member.node; member = json_next(&member))
+        if (strcmp(member.key, "properties") != 0)
+            return error_set(e, ERROR_NOT_SUPPORTED,
+                             "/output/ply/%.64s: a call returns arrays and writes no files: remove it",
                              member.key);
     return true;
 }

@@ -18,6 +18,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/core/frames.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "library/call.h"
@@ -280,9 +281,23 @@ static void wait_for_result(const hexad_job *job, child *c)
     }
 }
 
+/* Whether the files with absolute paths can be read. Without this check, the error of a missing directory is about roots
+ * that the caller has not set. */
+static bool check_files(const spec *s, error *e)
+{
+    spec_input input;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++)
+        if (*input.path == '/' && !frames_is_pattern(input.path) && access(input.path, R_OK) != 0)
+            return error_set(e, ERROR_INPUT_MISSING,
+                             "cannot read %.700s: %s; put the file there, or correct the path", input.path,
+                             strerror(errno));
+    return true;
+}
+
 bool call_in_child(hexad_job *job, const json *document, const spec *s, error *e)
 {
     child c;
+    if (job->root_count == 0 && !check_files(s, e)) return false;
     if (!start(job, document, s, &c, e)) return false;
     wait_for_result(job, &c);
     const bool ok = result_arrays_read(c.arrays, &job->results, e);

@@ -18,7 +18,10 @@
 char *farm_work_directory(const config *c, const char *state_dir, error *e)
 {
     const char *given = *c->work_dir ? c->work_dir : state_dir;
-    if (!store_directory_create(given, e)) return NULL;
+    if (!store_directory_create(given, e)) {
+        error_prefix(e, "work_dir");
+        return NULL;
+    }
     char *path = realpath(given, NULL);
     if (!path) error_set(e, ERROR_INTERNAL, "work_dir %s: %s", given, strerror(errno));
     return path;
@@ -26,22 +29,27 @@ char *farm_work_directory(const config *c, const char *state_dir, error *e)
 
 #if HEXAD_WITH_SLURM
 
-static struct slurm *open_slurm(config *c, const char *work_dir, runner *to, error *e)
+static bool check_slurm(config *c, error *e)
 {
-    if (!*c->work_dir) {
-        error_set(
+    if (!*c->work_dir)
+        return error_set(
             e, ERROR_SPEC_INVALID,
             "engine = slurm requires work_dir: set it to a directory that all nodes see at the same path");
-        return NULL;
+    for (size_t i = 0; i < c->slurm_options.count; i++)
+        if (strncmp(c->slurm_options.item[i], "--", 2) != 0)
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "slurm_options: must be --OPTION or --OPTION=VALUE (given %s)",
+                             c->slurm_options.item[i]);
+    for (size_t i = 0; i < c->slurm_accounts.count; i++) {
+        const char *given = c->slurm_accounts.item[i], *equals = strchr(given, '=');
+        if (!equals || equals == given || !equals[1])
+            return error_set(e, ERROR_SPEC_INVALID, "slurm_accounts: must be user=account (given %s)", given);
     }
-    if (!config_find_node(c, e)) return NULL;
-    for (size_t i = 0; i < c->slurm_options.count; i++) {
-        const char *option = c->slurm_options.item[i];
-        if (strncmp(option, "--", 2) == 0) continue;
-        error_set(e, ERROR_SPEC_INVALID, "slurm_options: must be --OPTION or --OPTION=VALUE (given %s)",
-                  option);
-        return NULL;
-    }
+    return config_find_node(c, e);
+}
+
+static struct slurm *open_slurm(const config *c, const char *work_dir, runner *to, error *e)
+{
     slurm_settings settings = {
         .work_dir = work_dir,
         .node = c->slurm_node,
@@ -71,12 +79,17 @@ const engine *farm_engine(const struct slurm *farm)
 
 #else
 
-static struct slurm *open_slurm(config *c, const char *work_dir, runner *to, error *e)
+static bool check_slurm(config *c, error *e)
 {
     (void)c;
+    return error_set(e, ERROR_NOT_SUPPORTED, "engine slurm: %s", build_part_missing(BUILD_PART_SLURM));
+}
+
+static struct slurm *open_slurm(const config *c, const char *work_dir, runner *to, error *e)
+{
     (void)work_dir;
     (void)to;
-    error_set(e, ERROR_NOT_SUPPORTED, "engine slurm: %s", build_part_missing(BUILD_PART_SLURM));
+    check_slurm((config *)c, e);
     return NULL;
 }
 
@@ -93,12 +106,17 @@ const engine *farm_engine(const struct slurm *farm)
 
 #endif
 
-bool farm_open(config *c, const char *work_dir, runner *to, struct slurm **opened, error *e)
+bool farm_check(config *c, error *e)
+{
+    if (strcmp(c->engine, "slurm") == 0) return check_slurm(c, e);
+    return strcmp(c->engine, "local") == 0 ||
+           error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
+}
+
+bool farm_open(const config *c, const char *work_dir, runner *to, struct slurm **opened, error *e)
 {
     *opened = NULL;
     if (strcmp(c->engine, "local") == 0) return true;
-    if (strcmp(c->engine, "slurm") != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "engine: must be local or slurm (given %s)", c->engine);
     *opened = open_slurm(c, work_dir, to, e);
     return *opened != NULL;
 }

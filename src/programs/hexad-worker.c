@@ -22,6 +22,7 @@
 #include "base/core/sandbox.h"
 #include "base/core/terminal_text.h"
 #include "base/core/worker_contract.h"
+#include "io/images/image_reader.h"
 #include "io/volumes/exr_reader.h"
 #include "io/volumes/volume_header.h"
 #include "io/volumes/tiff_reader.h"
@@ -62,7 +63,7 @@ static void request_cancel(int number)
 static const char help_text[] =
     "Usage: hexad-worker sample FILE [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise]\n"
     "                           [--set /MEMBER=VALUE ...] [--frames FRAMES --frame N] [--name NAME] [--output DIR]\n"
-    "                           [option ...]\n"
+    "                           [--accept] [option ...]\n"
     "       hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker attach RESULT MESH [MESH ...] --output DIR [option ...]\n"
@@ -72,8 +73,8 @@ static const char help_text[] =
     "       hexad-worker spec-help [MEMBER]\n"
     "       hexad-worker schema\n"
     "\n"
-    "sample: from a file to points: samples the first surface that inspect suggests, and writes the files of run and\n"
-    "the spec (" SAMPLE_SPEC_NAME
+    "sample: from a file to points: samples the first surface that inspect suggests, and writes points.ply, previews,\n"
+    "report.json and the spec (" SAMPLE_SPEC_NAME
     ") into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
@@ -102,7 +103,8 @@ static const char help_text[] =
     "  --frames FRAMES    sample: the frames of a sequence, such as 1-100, with FILE a pattern such as a.####.obj: its\n"
     "                     first frame is inspected, and --frame N is sampled\n"
     "  --name NAME        sample: the name of the job (default: that of FILE)\n"
-    "  --progress         a progress bar on standard error (sample: by default, if that is a terminal)\n"
+    "  --accept           sample: exit with 0 if queue.accept of the spec contains the outcome (default: any outcome)\n"
+    "  --progress         a progress bar on standard error (sample, inspect: by default, if that is a terminal)\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
     "                     without its directory; may be given several times\n"
@@ -191,7 +193,7 @@ typedef struct arguments {
     const char **set;      /* the array of its assignments */
     const char **roots;
     size_t root_count;
-    bool progress, json;
+    bool progress, json, accept;
     long arrays_fd, progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
 } arguments;
@@ -295,7 +297,8 @@ enum {
     OPTION_PATTERN,
     OPTION_SET,
     OPTION_FRAMES,
-    OPTION_NAME
+    OPTION_NAME,
+    OPTION_ACCEPT
 };
 
 /* Whether the option is one of the command sample; its value is then stored. */
@@ -315,6 +318,8 @@ static bool take_sample_option(int option, arguments *a)
         a->sample.frames = optarg;
     else if (option == OPTION_NAME)
         a->sample.name = optarg;
+    else if (option == OPTION_ACCEPT)
+        a->accept = true;
     return option >= OPTION_COUNT;
 }
 
@@ -345,6 +350,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {"set", required_argument, NULL, OPTION_SET},
                                             {"frames", required_argument, NULL, OPTION_FRAMES},
                                             {"name", required_argument, NULL, OPTION_NAME},
+                                            {"accept", no_argument, NULL, OPTION_ACCEPT},
                                             {NULL, 0, NULL, 0}};
     *a = (arguments){.arrays_fd = -1, .progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
@@ -405,10 +411,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     if (argc - optind != 1 || (!a->output && a->arrays_fd < 0 && !inspects && !samples))
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects || samples ? "FILE" : "SPEC.json (or -) and --output DIR");
-    if (!samples && has_sample_option(&a->sample))
+    if (!samples && (a->accept || has_sample_option(&a->sample)))
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "--count, --spacing, --grade, --pattern, --set, --frames and --name are options of sample: omit "
+            "--count, --spacing, --grade, --pattern, --set, --frames, --name and --accept are options of sample: omit "
             "them");
     if (!inspects && (a->json || a->preview))
         return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
@@ -680,6 +686,18 @@ static bool show_inspection(const arguments *a, json *inspection, error *e)
     return ok;
 }
 
+/* Makes the inspection. If `shows`, a line on standard error names the file until the inspection ends. */
+static json *inspect_shown(const char *path, const run_options *options, bool shows, error *e)
+{
+    if (shows) {
+        terminal_text_print(stderr, "inspecting %s: all of it is read", path);
+        fflush(stderr);
+    }
+    json *inspection = inspection_make(path, options, e);
+    if (shows) fputs("\r\033[K", stderr);
+    return inspection;
+}
+
 static int inspect(int argc, char **argv)
 {
     error e = {0};
@@ -698,7 +716,9 @@ static int inspect(int argc, char **argv)
                                  .progress_fd = (int)a.progress_fd,
                                  .cancel = &cancel_requested,
                                  .leave = leave};
-    ok = ok && (inspection = inspection_make(path, &options, &e)) && show_inspection(&a, inspection, &e) &&
+    const bool shows = a.progress || isatty(STDERR_FILENO) == 1;
+    ok = ok && (inspection = inspect_shown(path, &options, shows, &e)) &&
+         show_inspection(&a, inspection, &e) &&
          (!a.preview || draw_preview(inspection, &options, a.preview, &e));
     json_free(inspection);
     free(path);
@@ -707,20 +727,26 @@ static int inspect(int argc, char **argv)
     return ok ? WORKER_EXIT_CONVERGED : fail(&e, NULL);
 }
 
-/* Samples the surface of a spec, and writes the spec beside the points. Returns the exit code, or -1 and an
- * error. */
-static int run_sample(const json *document, const run_options *options, spec_faults *faults, error *e)
+/* Samples the surface of a spec, and writes the spec beside the points. `accept`: an outcome that the spec accepts
+ * counts as converged. Returns the exit code, or -1 and an error. */
+static int run_sample(const json *document, const run_options *options, bool accept, spec_faults *faults,
+                      error *e)
 {
     spec *s = spec_parse(document, faults, e);
     const bool chosen = s && choose_frame(&s, options->frame, false, faults, e);
-    char *text = json_print(document), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, options->output);
+    char *text = json_print(document), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, options->output),
+         *summary = mem_printf("%s/" WORKER_SUMMARY_NAME, options->output); /* for the daemon only */
     terminal_text_print(stdout, "spec: %s\n", text);
     int code = chosen ? run(s, options, e) : -1;
+    for (int k = 0; accept && k < OUTCOME_KINDS; k++)
+        if (code == (int)exit_of_outcome[k] && s->accept >> k & 1) code = WORKER_EXIT_CONVERGED;
+    if (code >= 0) unlink(summary);
     if (code >= 0 && !store_file_write(beside, text, strlen(text), e)) code = -1;
     if (code >= 0) terminal_text_print(stdout, "the points are in %s/points.ply\n", options->output);
     spec_free(s);
     free(text);
     free(beside);
+    free(summary);
     return code;
 }
 
@@ -731,7 +757,7 @@ static int sample(int argc, char **argv)
     spec_faults faults = {0};
     arguments a;
     store_roots *roots = NULL;
-    char *stem = NULL, *inspected = NULL, *note = NULL;
+    char *stem = NULL, *inspected = NULL, *note = NULL, *of_volume = NULL;
     json *inspection = NULL, *document = NULL;
     int code = -1;
     handle_signals();
@@ -755,17 +781,20 @@ static int sample(int argc, char **argv)
         .leave = leave,
     };
     if (!(inspected = sample_spec_inspected(a.spec_path, &a.sample, &e))) goto done;
-    if (sample_spec_has_target(&a.sample) && inspection_is_of_mesh(inspected, &options)) {
-        inspection = sample_spec_unseen("mesh", inspected);
+    const char *member = inspection_member(inspected, &options);
+    if (member && !sample_spec_needs_inspection(member, &a.sample)) {
+        inspection = sample_spec_unseen(member, inspected);
     } else {
         terminal_text_print(stderr, "inspecting %s\n", inspected);
         inspection = inspection_make(inspected, &options, &e);
     }
     if (!inspection) goto done;
     if (!(document = sample_spec_make(inspection, a.spec_path, &a.sample, &e))) goto done;
+    if ((of_volume = sample_spec_volume_note(inspection, &a.sample)))
+        terminal_text_print(stderr, "%s\n", of_volume);
     if ((note = sample_spec_isovalue_note(inspection, &a.sample))) terminal_text_print(stderr, "%s\n", note);
     options.progress_bar = a.progress || isatty(STDERR_FILENO) == 1;
-    code = run_sample(document, &options, &faults, &e);
+    code = run_sample(document, &options, a.accept, &faults, &e);
 done:
     if (code < 0) code = fail(&e, &faults);
     json_free(inspection);
@@ -775,6 +804,7 @@ done:
     free(stem);
     free(inspected);
     free(note);
+    free(of_volume);
     return code;
 }
 
@@ -865,9 +895,12 @@ static const reader_program *find_reader(const char *name)
         {MESH_READER_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_VALUES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {MESH_POLYGONS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_TEXTURES_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
+        {MESH_MATERIALS_COMMAND, NULL, MESH_READER_MODULE, "mesh_reader_main"},
         {VOLUME_HEADER_COMMAND, NULL, VOLUME_HEADER_MODULE, "header_reader_main"},
         {TIFF_READER_COMMAND, NULL, TIFF_READER_MODULE, "tiff_reader_main"},
         {ZARR_READER_COMMAND, NULL, ZARR_READER_MODULE, "zarr_reader_main"},
+        {IMAGE_READER_COMMAND, NULL, IMAGE_READER_MODULE, "image_reader_main"},
         {EXR_READER_COMMAND, exr_reader_main, NULL, NULL},
         {THUMBNAIL_COMMAND, thumbnail_main, NULL, NULL}};
     for (size_t k = 0; k < sizeof programs / sizeof *programs; k++)

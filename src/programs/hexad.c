@@ -45,6 +45,7 @@
 #include "service/http/server.h"
 #include "programs/admission.h"
 #include "programs/descriptors.h"
+#include "programs/directory_check.h"
 #include "programs/farm.h"
 #include "programs/maintenance.h"
 #include "programs/open_directory.h"
@@ -156,26 +157,17 @@ static void visit_open_directories(const config *c, void (*tell)(const char *set
     }
 }
 
-static bool fail_at_state(const char *directory, error *e)
+/* Whether the directories of the settings can be used, or created. */
+static bool place_state(service *s, error *e)
 {
-    char *why = denial_describe(directory, DENIAL_OWN);
-    error_set(e, ERROR_INTERNAL, "state_dir: cannot write to %s: Permission denied: %s", directory, why);
-    free(why);
-    return false;
-}
-
-/* Whether an existing state directory does not deny access. */
-static bool may_use_state(const char *directory, error *e)
-{
-    return access(directory, R_OK | W_OK | X_OK) == 0 || errno != EACCES || fail_at_state(directory, e);
+    const config *c = &s->settings;
+    return directory_check_usable("state_dir", c->state_dir, e) &&
+           (!*c->work_dir || directory_check_usable("work_dir", c->work_dir, e));
 }
 
 static bool init_state(service *s, error *e)
 {
-    const char *wanted = s->settings.state_dir;
-    const bool made = store_directory_create(wanted, e);
-    if (!made && e->code == ERROR_INTERNAL && errno == EACCES) return fail_at_state(wanted, e);
-    if (!made || !may_use_state(wanted, e)) return false;
+    if (!store_directory_create(s->settings.state_dir, e)) return error_prefix(e, "state_dir");
     s->state_dir = realpath(s->settings.state_dir, NULL);
     if (!s->state_dir)
         return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
@@ -303,6 +295,24 @@ static void warn_of_unreadable_inputs(const config_list *given)
     }
 }
 
+static bool values_roots(service *s, error *e)
+{
+    const config_list *given = &s->settings.input_roots;
+    for (size_t i = 0; i < given->count; i++)
+        if (given->item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
+                             given->item[i]);
+    return true;
+}
+
+static bool place_roots(service *s, error *e)
+{
+    const config_list *given = &s->settings.input_roots;
+    store_roots *opened = store_roots_open(NULL, (const char *const *)given->item, given->count, e);
+    store_roots_close(opened);
+    return opened != NULL;
+}
+
 static bool init_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
@@ -340,6 +350,58 @@ static void fini_sockets(service *s)
     free(s->sockets);
 }
 
+static bool values_sockets(service *s, error *e)
+{
+    const config *c = &s->settings;
+    bool ok = true;
+    for (size_t k = 0; ok && k < c->listen.count; k++) {
+        listen_reach reach;
+        char *where = address_of(c->listen.item[k], c->state_dir);
+        ok = listen_find_reach(where, &reach, e);
+        free(where);
+    }
+    return ok;
+}
+
+/* Whether sockets can be created at their paths. In the state directory, which may not exist yet, they can. */
+static bool place_sockets(service *s, error *e)
+{
+    const config *c = &s->settings;
+    int first;
+    bool ok = true;
+    if (manager_sockets(&first)) return true;
+    for (size_t k = 0; ok && k < c->listen.count; k++) {
+        char *where = address_of(c->listen.item[k], c->state_dir);
+        ok = directory_check_contains(c->state_dir, where + strcspn(where, "/")) ||
+             listen_check_place(where, e);
+        free(where);
+    }
+    return ok;
+}
+
+static void append_name(char **list, const char *name)
+{
+    char *longer = mem_printf("%s%s%s", *list, **list ? ", " : "", name);
+    free(*list);
+    *list = longer;
+}
+
+/* With sockets of systemd, the setting listen has no effect. */
+static void warn_of_ignored_addresses(const service *s)
+{
+    const config_list *given = &s->settings.listen;
+    char *ignored = mem_strdup(""), *served = mem_strdup("");
+    for (size_t k = 0; k < given->count; k++) append_name(&ignored, given->item[k]);
+    for (size_t k = 0; k < s->socket_count; k++) append_name(&served, s->sockets[k].address);
+    log_write(LOG_LEVEL_WARNING,
+              "listen = %s is ignored: systemd opens the sockets, %s. Remove this setting. For a port, run "
+              "`hexad --open-port USER`, or set ListenStream= and IPAddressAllow= in "
+              "/etc/systemd/system/hexad.socket.d/tcp.conf (\"The web page\" in doc/operations.md)",
+              ignored, served);
+    free(ignored);
+    free(served);
+}
+
 static bool init_sockets(service *s, error *e)
 {
     const config_list *given = &s->settings.listen;
@@ -351,12 +413,7 @@ static bool init_sockets(service *s, error *e)
         ok = listen_adopt(first + (int)k, &s->sockets[k], e);
         s->socket_count += ok;
     }
-    if (ok && passed && given->count)
-        log_write(
-            LOG_LEVEL_WARNING,
-            "listen = %s is ignored: systemd passed the socket %s; the drop-in tcp.conf of hexad.socket opens a "
-            "TCP port (see doc/systemd.md)",
-            given->item[0], s->sockets[0].address);
+    if (ok && passed && given->count) warn_of_ignored_addresses(s);
     if (!passed && !given->count) ok = open_socket(s, "unix:", e);
     for (size_t k = 0; ok && !passed && k < given->count; k++) ok = open_socket(s, given->item[k], e);
     if (!ok) fini_sockets(s);
@@ -417,6 +474,31 @@ static char *token_file_of(const config *c, const char *state_dir)
     return mem_printf("%.*s/tokens", (int)strcspn(directory, ":"), directory);
 }
 
+static bool values_access(service *s, error *e)
+{
+    return check_open_tcp(&s->settings, e);
+}
+
+/* Whether the addresses of `listen` may be served with the tokens that there are. */
+static bool place_access(service *s, error *e)
+{
+    const config *c = &s->settings;
+    int first;
+    char *file = token_file_of(c, c->state_dir);
+    const access_settings settings = {.token_file = file};
+    access_control *tokens = access_open(&settings, e);
+    bool ok = tokens != NULL;
+    for (size_t k = 0; ok && k < c->listen.count && !manager_sockets(&first); k++) {
+        char *where = address_of(c->listen.item[k], c->state_dir);
+        listen_reach reach;
+        ok = listen_find_reach(where, &reach, e) && check_reach(c, reach, where, tokens, file, e);
+        free(where);
+    }
+    access_close(tokens);
+    free(file);
+    return ok;
+}
+
 static bool init_access(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -432,7 +514,7 @@ static bool init_access(service *s, error *e)
         .running = queue_running(s->q),
         .open_tcp = reach_of(s) == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
-    s->access = check_open_tcp(c, e) ? access_open(&settings, e) : NULL;
+    s->access = access_open(&settings, e);
     bool ok = s->access && check_sockets(s, file, e);
     if (!ok) access_close(s->access);
     free(file);
@@ -445,7 +527,7 @@ static void fini_access(service *s)
     access_close(s->access);
 }
 
-static void free_output_roots(service *s)
+static void fini_output_roots(service *s)
 {
     for (size_t i = 0; i < s->output_roots.root_count; i++) free(s->output_root[i]);
     free(s->output_root);
@@ -478,8 +560,7 @@ static bool read_output_roots(service *s, error *e)
     return true;
 }
 
-/* Reads the settings of output roots. */
-static bool read_outputs(service *s, error *e)
+static bool init_output_roots(service *s, error *e)
 {
     const config *c = &s->settings;
     char *end;
@@ -507,9 +588,8 @@ static bool read_outputs(service *s, error *e)
 
 static bool init_outputs(service *s, error *e)
 {
-    const config *c = &s->settings;
-    if (!read_outputs(s, e)) return false;
-    s->outputs = output_place_new(s->q, &s->output_roots, c->share_outputs != 0);
+    (void)e;
+    s->outputs = output_place_new(s->q, &s->output_roots, s->settings.share_outputs != 0);
     output_place_check_roots(s->outputs);
     return true;
 }
@@ -517,7 +597,6 @@ static bool init_outputs(service *s, error *e)
 static void fini_outputs(service *s)
 {
     output_place_free(s->outputs);
-    free_output_roots(s);
 }
 
 static bool init_mappings(service *s, error *e)
@@ -595,11 +674,20 @@ static executor_settings executor_settings_of(const service *s)
     };
 }
 
+static bool values_executor(service *s, error *e)
+{
+    return config_find_worker(&s->settings, e) && farm_check(&s->settings, e);
+}
+
+static bool place_executor(service *s, error *e)
+{
+    return sandbox_check(s->settings.sandbox, e);
+}
+
 static bool init_executor(service *s, error *e)
 {
     char text[SANDBOX_TEXT_SIZE];
     sandbox_mode mode = s->settings.sandbox;
-    if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
     if (!farm_open(&s->settings, s->work_dir, s->tasks, &s->farm, e)) return false;
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "worker sandbox: %s",
               sandbox_describe(mode, text));
@@ -691,12 +779,35 @@ static void fini_notifier(service *s)
     notifier_free(s->notifier);
 }
 
+static bool init_webhook_hosts(service *s, error *e)
+{
+    const config_list *given = &s->settings.webhook_hosts;
+    s->webhook_hosts = webhook_hosts_read((const char *const *)given->item, given->count, e);
+    return s->webhook_hosts != NULL;
+}
+
+static void fini_webhook_hosts(service *s)
+{
+    webhook_hosts_free(s->webhook_hosts);
+}
+
+static bool values_webhooks(service *s, error *e)
+{
+    const config *c = &s->settings;
+    return !c->webhook_hosts.count || *c->webhook_secret_file ||
+           error_set(e, ERROR_SPEC_INVALID, "webhook_hosts requires webhook_secret_file: set it");
+}
+
+static bool place_webhooks(service *s, error *e)
+{
+    const config *c = &s->settings;
+    return !c->webhook_hosts.count || delivery_check_secret(c->webhook_secret_file, e);
+}
+
 static bool init_webhooks(service *s, error *e)
 {
     const config *c = &s->settings;
-    s->webhook_hosts =
-        webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
-    if (!s->webhook_hosts) return false;
+    if (!c->webhook_hosts.count) return true;
     host_name(s->host, sizeof s->host);
     delivery_settings settings = {
         .hosts = s->webhook_hosts,
@@ -710,16 +821,13 @@ static bool init_webhooks(service *s, error *e)
         .retry_after_s = c->webhook_retry_after_s,
         .counters = &s->calls,
     };
-    if (c->webhook_hosts.count) s->delivery = delivery_add(s->tasks, &settings, s->q, e);
-    if (s->delivery || !c->webhook_hosts.count) return true;
-    webhook_hosts_free(s->webhook_hosts);
-    return false;
+    s->delivery = delivery_add(s->tasks, &settings, s->q, e);
+    return s->delivery != NULL;
 }
 
 static void fini_webhooks(service *s)
 {
     delivery_free(s->delivery);
-    webhook_hosts_free(s->webhook_hosts);
 }
 
 /* Reads the trusted proxies and the permitted web pages. */
@@ -906,6 +1014,13 @@ static void fini_http(service *s)
     free(s->allow_command);
 }
 
+static bool place_port_file(service *s, error *e)
+{
+    const config *c = &s->settings;
+    return !*c->port_file || directory_check_contains(c->state_dir, c->port_file) ||
+           directory_check_file("port_file", c->port_file, e);
+}
+
 static bool init_port_file(service *s, error *e)
 {
     char *lines = mem_strdup("");
@@ -918,6 +1033,7 @@ static bool init_port_file(service *s, error *e)
     const char *file = s->settings.port_file;
     if (*file) store_file_clear(file); /* left by a killed process */
     bool ok = !*file || store_file_write(file, lines, strlen(lines), e);
+    if (!ok) error_prefix(e, "port_file");
     free(lines);
     return ok;
 }
@@ -927,37 +1043,51 @@ static void fini_port_file(service *s)
     if (*s->settings.port_file) unlink(s->settings.port_file);
 }
 
+/* A step of the start. Before its start function, its checks refuse what would make the service useless. The
+ * checks of all steps are also those of --check-settings. They change nothing. */
 static const struct step {
     const char *name;
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
+    bool (*values)(service *s, error *e); /* checks settings that are wrong on any host; NULL: none */
+    bool (*place)(service *s, error *e);  /* checks files and directories of this host; NULL: none */
+    bool only_values;                     /* init is the check of values */
 } steps[] = {
-    {"signals", init_signals, fini_signals},
-    {"state", init_state, fini_state},
-    {"ledger", init_ledger, fini_ledger},
-    {"tasks", init_tasks, fini_tasks},
-    {"queue", init_queue, fini_queue},
-    {"inputs", init_inputs, fini_inputs},
-    {"roots", init_roots, fini_roots},
-    {"outputs", init_outputs, fini_outputs},
-    {"mappings", init_mappings, fini_mappings},
-    {"users", init_users, fini_users},
-    {"socket", init_sockets, fini_sockets},
-    {"access", init_access, fini_access},
-    {"groups", init_groups, fini_groups},
-    {"executor", init_executor, fini_executor},
-    {"wait_list", init_wait_list, fini_wait_list},
-    {"notifier", init_notifier, fini_notifier},
-    {"webhooks", init_webhooks, fini_webhooks},
-    {"background", init_background, fini_background},
-    {"supervisor", init_supervisor, fini_supervisor},
-    {"network", init_network, fini_network},
-    {"page", init_page, fini_page},
-    {"openapi", init_openapi, fini_openapi},
-    {"http", init_http, fini_http},
-    {"checker", init_checker, fini_checker},
-    {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals, NULL, NULL, false},
+    {"state", init_state, fini_state, NULL, place_state, false},
+    {"ledger", init_ledger, fini_ledger, NULL, NULL, false},
+    {"tasks", init_tasks, fini_tasks, NULL, NULL, false},
+    {"queue", init_queue, fini_queue, NULL, NULL, false},
+    {"inputs", init_inputs, fini_inputs, NULL, NULL, false},
+    {"roots", init_roots, fini_roots, values_roots, place_roots, false},
+    {"output_roots", init_output_roots, fini_output_roots, NULL, NULL, true},
+    {"outputs", init_outputs, fini_outputs, NULL, NULL, false},
+    {"mappings", init_mappings, fini_mappings, NULL, NULL, true},
+    {"users", init_users, fini_users, NULL, NULL, true},
+    {"socket", init_sockets, fini_sockets, values_sockets, place_sockets, false},
+    {"access", init_access, fini_access, values_access, place_access, false},
+    {"groups", init_groups, fini_groups, NULL, NULL, false},
+    {"executor", init_executor, fini_executor, values_executor, place_executor, false},
+    {"wait_list", init_wait_list, fini_wait_list, NULL, NULL, false},
+    {"notifier", init_notifier, fini_notifier, NULL, NULL, false},
+    {"webhook_hosts", init_webhook_hosts, fini_webhook_hosts, NULL, NULL, true},
+    {"webhooks", init_webhooks, fini_webhooks, values_webhooks, place_webhooks, false},
+    {"background", init_background, fini_background, NULL, NULL, false},
+    {"supervisor", init_supervisor, fini_supervisor, NULL, NULL, false},
+    {"network", init_network, fini_network, NULL, NULL, true},
+    {"page", init_page, fini_page, NULL, NULL, false},
+    {"openapi", init_openapi, fini_openapi, NULL, NULL, false},
+    {"http", init_http, fini_http, NULL, NULL, false},
+    {"checker", init_checker, fini_checker, NULL, NULL, false},
+    {"port_file", init_port_file, fini_port_file, NULL, place_port_file, false},
 };
+
+static const size_t step_count = sizeof steps / sizeof *steps;
+
+static bool begin_step(const struct step *p, service *s, error *e)
+{
+    return (!p->values || p->values(s, e)) && (!p->place || p->place(s, e)) && p->init(s, e);
+}
 
 /* Whether the supervisor and the serving thread have advanced since the last call, which woke them. */
 static bool loops_advance(service *s)
@@ -1085,9 +1215,9 @@ static void serve(service *s)
 static int run(service *s)
 {
     error e = {0};
-    size_t started = 0, count = sizeof steps / sizeof *steps;
-    while (started < count && steps[started].init(s, &e)) started++;
-    bool ok = started == count;
+    size_t started = 0;
+    while (started < step_count && begin_step(&steps[started], s, &e)) started++;
+    bool ok = started == step_count;
     if (ok) {
         serve(s);
     } else {
@@ -1101,8 +1231,11 @@ static int run(service *s)
 
 /* ---- --check-settings */
 
+static int warnings; /* of the check */
+
 static void warn(const char *setting, const char *message)
 {
+    warnings++;
     terminal_text_print(stderr, "hexad: warning: %s: %s\n", setting, message);
 }
 
@@ -1121,41 +1254,13 @@ static void warn_of_unknown_users(const config_list *numbers, const char *settin
 static void warn_of_unknown_names(const config_list *names, bool group, const char *setting)
 {
     error e = {0};
-    for (size_t i = 0; i < names->count; i++)
-        if (!access_check_name(names->item[i], group, &e)) warn(setting, e.message);
-}
-
-/* Whether all input roots can be opened, without which hexad does not start. Prints those that cannot. */
-static bool opens_inputs(const config_list *inputs)
-{
-    bool all = true;
-    for (size_t i = 0; i < inputs->count; i++) {
-        error e = {0};
-        const char *const one = inputs->item[i];
-        store_roots *opened = store_roots_open(NULL, &one, 1, &e);
-        if (!opened) terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
-        all &= opened != NULL;
-        store_roots_close(opened);
+    for (size_t i = 0; i < names->count; i++) {
+        if (access_check_name(names->item[i], group, &e)) continue;
+        char *message = mem_printf(
+            "%s%s", e.message, strchr(names->item[i], ' ') ? "; separate names by a colon or a comma" : "");
+        warn(setting, message);
+        free(message);
     }
-    return all;
-}
-
-/* Whether the addresses may be served with the tokens that there are. */
-static bool may_serve(const config *c, error *e)
-{
-    char *file = token_file_of(c, c->state_dir);
-    const access_settings settings = {.token_file = file};
-    access_control *tokens = access_open(&settings, e);
-    bool ok = tokens != NULL;
-    for (size_t k = 0; ok && k < c->listen.count; k++) {
-        char *where = address_of(c->listen.item[k], c->state_dir);
-        listen_reach reach;
-        ok = listen_find_reach(where, &reach, e) && check_reach(c, reach, where, tokens, file, e);
-        free(where);
-    }
-    access_close(tokens);
-    free(file);
-    return ok;
 }
 
 static void warn_of_roots(const service *s)
@@ -1172,69 +1277,69 @@ static void warn_of_roots(const service *s)
     }
 }
 
-static bool check_addresses(const config *c, error *e)
+static bool check_values(service *s, error *e)
 {
-    listen_reach reach;
-    for (size_t k = 0; k < c->listen.count; k++) {
-        char *where = address_of(c->listen.item[k], c->state_dir);
-        const bool ok = listen_find_reach(where, &reach, e);
-        free(where);
-        if (!ok) return false;
+    for (size_t k = 0; k < step_count; k++) {
+        const struct step *p = &steps[k];
+        if (p->values && !p->values(s, e)) return false;
+        if (!p->only_values) continue;
+        if (!p->init(s, e)) return false;
+        p->fini(s);
     }
     return true;
 }
 
-/* Reads all values that a start reads after the file. The caller frees the output roots. */
-static bool read_values(service *s, error *e)
+/* Prints why hexad would not start on this host. */
+static bool check_places(service *s)
 {
-    const config *c = &s->settings;
-    user_numbers *weights, *priorities;
-    if (!read_weights_and_priorities(c, &weights, &priorities, e)) return false;
-    user_numbers_free(weights);
-    user_numbers_free(priorities);
-    for (size_t i = 0; i < c->input_roots.count; i++)
-        if (c->input_roots.item[i][0] != '/')
-            return error_set(e, ERROR_SPEC_INVALID, "input_roots: must be absolute paths (given %s)",
-                             c->input_roots.item[i]);
-    webhook_hosts *hosts =
-        webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
-    if (!hosts) return false;
-    webhook_hosts_free(hosts);
-    if (!init_mappings(s, e)) return false;
-    fini_mappings(s);
-    if (!init_network(s, e)) return false;
-    fini_network(s);
-    if (!check_open_tcp(c, e) || !check_addresses(c, e)) return false;
-    return config_find_worker(&s->settings, e) && read_outputs(s, e);
+    bool ok = true;
+    for (size_t k = 0; k < step_count; k++) {
+        error e = {0};
+        if (!steps[k].place || steps[k].place(s, &e)) continue;
+        config_locate_error(&s->settings, &e);
+        terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
+        ok = false;
+    }
+    return ok;
 }
 
-/* Checks the values of the settings, as far as a reload or a start would refuse them, and warns of users and
- * directories that do not exist. Returns the exit status. */
-static int check_settings(service *s)
+static void warn_of_settings(service *s)
 {
     const config *c = &s->settings;
     error e = {0};
-    if (!read_values(s, &e)) {
-        config_locate_error(c, &e);
-        terminal_text_print(stderr, "hexad: %s\n", e.message);
-        return EXIT_SETTINGS;
-    }
     warn_of_unknown_users(&c->user_weights, "user_weights");
     warn_of_unknown_users(&c->user_priorities, "user_priorities");
     warn_of_unknown_names(&c->unix_users, false, "unix_users");
     warn_of_unknown_names(&c->unix_groups, true, "unix_groups");
     warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
     visit_open_directories(c, warn);
+    if (!init_output_roots(s, &e)) return;
     warn_of_roots(s);
-    free_output_roots(s);
+    fini_output_roots(s);
+}
+
+/* Checks the settings as a start does, without starting, and warns of users and directories that do not exist.
+ * Returns the exit status. */
+static int check_settings(service *s)
+{
+    const config *c = &s->settings;
+    error e = {0};
+    if (!check_values(s, &e)) {
+        config_locate_error(c, &e);
+        terminal_text_print(stderr, "hexad: %s\n", e.message);
+        return EXIT_SETTINGS;
+    }
+    warn_of_settings(s);
     fflush(stderr);
-    bool starts = may_use_state(c->state_dir, &e) && may_serve(c, &e);
-    if (!starts) terminal_text_print(stdout, "hexad would not start: %s\n", e.message);
-    if (!opens_inputs(&c->input_roots) || !starts) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
+    if (!check_places(s)) return c->strict ? EXIT_TROUBLE : EXIT_SUCCESS;
+    char *count =
+        warnings ? mem_printf("; %d warning%s", warnings, warnings == 1 ? "" : "s") : mem_strdup("");
     if (c->file)
-        terminal_text_print(stdout, "no faults in the settings of %s\n", c->file);
+        terminal_text_print(stdout, "no faults in the settings of %s%s\n", c->file, count);
     else
-        terminal_text_print(stdout, "no settings file was read; no faults in the options and the defaults\n");
+        terminal_text_print(
+            stdout, "no settings file was read; no faults in the options and the defaults%s\n", count);
+    free(count);
     return EXIT_SUCCESS;
 }
 

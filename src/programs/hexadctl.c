@@ -30,6 +30,7 @@ static const char usage[] =
     "\n"
     "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
     "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
+    "       [--accept]\n"
     "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
     "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
     ") into DIR,\n"
@@ -37,7 +38,8 @@ static const char usage[] =
     "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
     "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
-    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected\n"
+    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected;\n"
+    "                    --accept: as of wait\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"
@@ -56,6 +58,12 @@ static const char usage[] =
     "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
     "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
     "                    (or %04d, $F4) in a quoted file name matches all numbers\n"
+    "  uploads           list your uploads, the newest first: name, size, time since the upload and the last\n"
+    "                    use, number of your jobs that read it, and path for use in a spec\n"
+    "  delete-upload FILE... [--all]\n"
+    "                    delete uploads of yours; FILE is a path that upload printed, or the name of the file\n"
+    "                    if only one upload has it. Jobs that have not ended can still read the file. --all:\n"
+    "                    as an administrator, delete it for all users at once; jobs that read it then fail\n"
     "  inspect PATH      describe a file that jobs may read, and print specs that sample it; PATH is written\n"
     "                    as in a spec\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
@@ -77,20 +85,24 @@ static const char usage[] =
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
     "  fetch ID [--frame FRAMES] [--output DIR | --stack FILE.npz]\n"
-    "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
+    "                    download and verify the results, into DIR; by default into ./ID or, if ID is the name\n"
+    "                    of the job and ./NAME is free or has this result, into ./NAME. Of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
     "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
     "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
     "                    numbers, into one NumPy file instead: positions (frames, points, 3), the other\n"
     "                    attributes, names, and missing: the frames without results\n"
+    "  fetch --label LABEL [--owner USER] [--output DIR]\n"
+    "                    download all your jobs with this label, or those of USER, into DIR or ./LABEL: each\n"
+    "                    into a directory with its name, or with its ID if several jobs have this name\n"
     "  log ID [--frame N] [--attempt K]\n"
     "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
     "  pause ID          start no more attempts of a job; running attempts continue\n"
     "  resume ID         start attempts of a paused job again\n"
     "  retry ID... [--dependents]\n"
-    "                    run the failed tasks of jobs again; with --dependents also the jobs that ended as\n"
-    "                    dependency_failed because of them\n"
+    "                    run the tasks of jobs again that have failed, timed out or were cancelled; with\n"
+    "                    --dependents also the jobs that ended as dependency_failed because of them\n"
     "  deliver ID        copy the results of a job to its output directory again, and wait for the end of\n"
     "                    the copy; the exit status is 1 when it failed\n"
     "  delete ID... [--yes]\n"
@@ -100,7 +112,8 @@ static const char usage[] =
     "  watch [ID]        print the events of a job as lines of JSON until it ends; without ID, the new\n"
     "                    events of all your jobs (as an administrator, of all users)\n"
     "  workers           list the running attempts, the limits, and why jobs wait\n"
-    "  usage             print the disk space of results, in total and for each user, and the bounds\n"
+    "  usage             print the disk space of results and of uploads, in total and for each user, and the\n"
+    "                    bounds\n"
     "  drain, undrain    drain: accept and start no jobs; undrain: accept and start jobs again\n"
     "  hold, release     hold: accept jobs but start none, also after a restart; release: start jobs again\n"
     "  token add USER [--scopes LIST] [--max-priority N] [--file FILE]\n"
@@ -155,20 +168,22 @@ static const struct entry {
     const char *options; /* the options of the command; all commands have --server and --json */
 } commands[] = {
     {"sample", command_sample, ONE,
-     "--on-service --count --spacing --grade --pattern --set --frames --name --output"},
+     "--on-service --count --spacing --grade --pattern --set --frames --name --output --accept"},
     {"submit", command_submit, ONE,
      "--wait --accept --set --name --frames --files --depends-on --priority --label --key"},
     {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, FILES, ""},
+    {"uploads", command_uploads, NONE, ""},
+    {"delete-upload", command_delete_upload, FILES, "--all"},
     {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
     {"show", command_show, JOB, "--picture"},
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, JOB, "--frame --output --stack"},
+    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --stack --label --owner"},
     {"log", command_log, JOB, "--frame --attempt"},
     {"pause", command_pause, JOB, ""},
     {"resume", command_resume, JOB, ""},
@@ -222,8 +237,8 @@ static const struct {
 static const struct {
     const char *name;
     size_t offset;
-} flags[] = {OPTION("wait", wait), OPTION("dependents", dependents), OPTION("yes", yes),
-             OPTION("accept", accept), OPTION("on-service", on_service)};
+} flags[] = {OPTION("wait", wait),     OPTION("dependents", dependents), OPTION("yes", yes),
+             OPTION("accept", accept), OPTION("on-service", on_service), OPTION("all", all)};
 
 typedef struct line {
     const struct entry *entry;
@@ -570,11 +585,12 @@ static int run_for_job_and_files(client *c, const line *l)
     return code;
 }
 
-static int run(client *c, const line *l)
+static int run(client *c, line *l)
 {
     if (l->entry->argument == JOB_FILES) return run_for_job_and_files(c, l);
     if (l->entry->argument == FILES) return run_for_each(c, l, l->argument);
     bool named = l->entry->argument != NONE && l->entry->argument != ONE && l->argument_count;
+    if (named && l->argument_count == 1) l->options.called = l->argument[0];
     if (named) return run_for_jobs(c, l);
     return l->entry->run(c, l->argument_count ? l->argument[0] : NULL, &l->options);
 }

@@ -10,6 +10,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
+#include "base/core/user_name.h"
 #include "client/client.h"
 #include "service/database/backup.h"
 #include "service/database/backup_directory.h"
@@ -28,12 +29,20 @@ static int fail(const error *e)
     return EXIT_FAILURE;
 }
 
-/* Checks that the state directory exists. Otherwise sets an error: the daemon's settings were probably not
- * given. */
+/* Checks that the state directory exists and that this user may use it. Otherwise sets an error: the daemon's
+ * settings were probably not given, or the command was run as another user. */
 static bool check_state_directory(const config *c, error *e)
 {
     struct stat info;
-    if (stat(c->state_dir, &info) == 0) return true;
+    if (stat(c->state_dir, &info) == 0) {
+        char owner[USER_NAME_SIZE] = "";
+        if (info.st_uid == geteuid() || access(c->state_dir, R_OK | W_OK | X_OK) == 0) return true;
+        user_name_of(info.st_uid, owner);
+        return error_set(
+            e, ERROR_INTERNAL,
+            "the state directory %s belongs to the user %s: run this command as root or as this user",
+            c->state_dir, owner);
+    }
     return error_set(e, ERROR_INTERNAL,
                      "cannot open the state directory %s: %s. Give the settings file of hexad with "
                      "--config FILE, or its state directory with --state_dir DIRECTORY.",

@@ -14,11 +14,12 @@
 #include "files/file.h"
 #include "files/token.h"
 #include "programs/systemd_units.h"
+#include "service/auth/access.h"
 
 #define ADDRESS "127.0.0.1:8642"
 #define SYSTEM_GROUP "hexad" /* the group of the service (systemd/hexad-sysusers.conf) */
 
-enum { EXIT_WRONG = 2 };
+enum { EXIT_WRONG = 2, FILE_LIMIT = 1 << 20 /* bytes of a drop-in */ };
 
 /* As systemd/examples/tcp.conf, which explains it. */
 static const char drop_in_text[] =
@@ -29,34 +30,84 @@ static const char drop_in_text[] =
     "IPAddressAllow=localhost\n";
 
 /* Writes the drop-in, unless the file exists. */
-static bool write_drop_in(bool *written, error *e)
+static bool write_drop_in(const char *directory, const char *path, bool *written, error *e)
 {
-    char *units = systemd_units_directory(), *directory = mem_printf("%s/hexad.socket.d", units),
-         *path = mem_printf("%s/tcp.conf", directory);
     *written = access(path, F_OK) != 0;
     bool ok = !*written || (store_directory_create(directory, e) &&
                             store_file_write(path, drop_in_text, strlen(drop_in_text), e));
     if (ok && *written && chmod(path, 0644) != 0)
         ok = error_set(e, ERROR_INTERNAL, "%s cannot be made readable: %m", path);
     if (ok) terminal_text_print(stdout, "%s: %s\n", path, *written ? "written" : "exists already");
-    free(units);
-    free(directory);
-    free(path);
     return ok;
 }
 
-/* Makes systemd open the port. The service is restarted, since a socket of a running service keeps its
- * addresses. */
-static bool restart_socket(error *e)
+/* Makes systemd open the port of a new drop-in. The service is restarted, since a socket of a running service
+ * keeps its addresses. The service is started with its socket, so that queued and interrupted jobs run without
+ * waiting for a client. */
+static bool start_units(bool restarts, error *e)
 {
     static const char *const words[] = {"daemon-reload", "stop hexad.service hexad.socket",
-                                        "start hexad.socket"};
+                                        "start hexad.socket hexad.service"};
+    const size_t count = sizeof words / sizeof *words;
     char *failed = mem_strdup("");
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++) systemd_units_obey(words[i], &failed);
-    bool ok = !*failed || error_set(e, ERROR_INTERNAL,
-                                    "%s failed: \"journalctl -u hexad.socket -u hexad\" says why", failed);
+    for (size_t i = restarts ? 0 : count - 1; i < count; i++) systemd_units_obey(words[i], &failed);
+    bool ok = !*failed ||
+              error_set(e, ERROR_INTERNAL,
+                        "%s failed: `journalctl -u hexad.socket -u hexad -n 20` says why. Correct it, run "
+                        "`systemctl reset-failed hexad.service hexad.socket`, and then this command again",
+                        failed);
     free(failed);
     return ok;
+}
+
+/* Prints the addresses that the drop-in opens. */
+static bool print_addresses(const char *path, error *e)
+{
+    static const char key[] = "ListenStream=";
+    size_t length = 0, count = 0;
+    char *text = store_file_read(path, FILE_LIMIT, &length, e), *rest = text;
+    if (!text) return false;
+    for (char *line; (line = strsep(&rest, "\n"));) {
+        const char *address = line + strlen(key);
+        if (strncmp(line, key, strlen(key)) != 0 || !*address || *address == '/') continue;
+        terminal_text_print(stdout, "%s http://%s%s/", count++ ? " or" : "open",
+                            strchr(address, ':') ? "" : "127.0.0.1:", address);
+    }
+    free(text);
+    if (count)
+        puts(" in a browser of this machine, and sign in with the token");
+    else
+        terminal_text_print(stdout, "%s opens no port: add a line ListenStream=" ADDRESS "\n", path);
+    return true;
+}
+
+/* The number of tokens of a user. */
+static size_t count_tokens(const char *file, const char *user)
+{
+    token_set set = {0};
+    size_t count = 0;
+    if (token_set_read_of_any_owner(file, &set, NULL))
+        for (size_t k = 0; k < set.count; k++) count += strcmp(set.item[k].user, user) == 0;
+    token_set_clear(&set);
+    return count;
+}
+
+/* Adds a token for the user and prints it, unless the user has one. Returns the exit status. */
+static int ensure_token(const char *file, const char *user)
+{
+    const struct group *group = getgrnam(SYSTEM_GROUP);
+    const command_options options = {.file = file, .file_group = group ? group->gr_gid : TOKEN_NO_GROUP};
+    const size_t count = count_tokens(file, user);
+    if (!count) {
+        const int code = command_token_add(NULL, user, &options);
+        return code == COMMAND_OK ? EXIT_SUCCESS : code == COMMAND_USAGE ? EXIT_WRONG : EXIT_FAILURE;
+    }
+    terminal_text_print(
+        stdout,
+        "%s: %s has %zu token%s already; if the text of it is lost, `hexadctl token add %s --file %s` "
+        "adds another\n",
+        file, user, count, count == 1 ? "" : "s", user, file);
+    return EXIT_SUCCESS;
 }
 
 /* Whether systemd has the service. Otherwise prints what to do without it. */
@@ -81,25 +132,28 @@ static bool has_unit(const config *settings)
 
 int open_port(const config *settings)
 {
-    if (!has_unit(settings)) return EXIT_WRONG;
     error e = {0};
-    const struct group *group = getgrnam(SYSTEM_GROUP);
-    const command_options options = {
-        .file = settings->token_file && *settings->token_file ? settings->token_file : TOKEN_SYSTEM_FILE,
-        .file_group = group ? group->gr_gid : TOKEN_NO_GROUP};
-    bool written = false;
+    if (!has_unit(settings)) return EXIT_WRONG;
+    if (!access_check_name(settings->admit, false, &e)) {
+        terminal_text_print(stderr, "hexad: %s\n", e.message);
+        return EXIT_WRONG;
+    }
     umask(0022); /* systemd reads the drop-in */
     /* the token is first: with a port and without tokens, the service does not start */
-    const int code = command_token_add(NULL, settings->admit, &options);
-    if (code != COMMAND_OK) return code == COMMAND_USAGE ? EXIT_WRONG : EXIT_FAILURE;
-    if (write_drop_in(&written, &e) && (!written || restart_socket(&e))) {
-        puts(written ? "open http://" ADDRESS
-                       "/ in a browser of this machine, and sign in with the token above"
-                     : "the file names the port: open it in a browser, and sign in with the token above");
-        return EXIT_SUCCESS;
-    }
+    const char *own = settings->token_file;
+    const int code = ensure_token(own && *own ? own : TOKEN_SYSTEM_FILE, settings->admit);
+    if (code != EXIT_SUCCESS) return code;
+    char *units = systemd_units_directory(), *directory = mem_printf("%s/hexad.socket.d", units),
+         *path = mem_printf("%s/tcp.conf", directory);
+    bool written = false;
+    const bool ok =
+        write_drop_in(directory, path, &written, &e) && start_units(written, &e) && print_addresses(path, &e);
     fflush(stdout);
-    terminal_text_print(stderr, "hexad: %s%s\n", e.message,
-                        geteuid() == 0 ? "" : ". Run as root: sudo hexad --open-port USER");
-    return EXIT_FAILURE;
+    if (!ok)
+        terminal_text_print(stderr, "hexad: %s%s\n", e.message,
+                            geteuid() == 0 ? "" : ". Run as root: sudo hexad --open-port USER");
+    free(units);
+    free(directory);
+    free(path);
+    return ok ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -5,9 +5,10 @@
 
 #include "service/config/config.h"
 
-/* Creates a token for the user settings->admit, writes the drop-in hexad.socket.d/tcp.conf unless it exists,
- * restarts hexad.socket with it, and prints the address and the token. Returns an exit status; 2: the user is
- * wrong, and nothing was changed. */
+/* Creates a token for the user settings->admit unless the user has one, writes the drop-in
+ * hexad.socket.d/tcp.conf unless it exists, starts hexad.socket and hexad.service (after a stop if the drop-in
+ * is new), and prints the addresses. Returns an exit status; 2: this machine has no such user, or systemd does
+ * not run the service; nothing was changed. */
 int open_port(const config *settings);
 
 #endif

@@ -10,8 +10,9 @@
 #include "base/json/json.h"
 
 /* The end of messages about points without the attribute with their positions on the meshes. */
-#define ATTACH_SPEC_SOURCE_ADVICE \
-    "sample it again with attributes [{\"from\": \"geometry\", \"name\": \"source\"}]"
+#define ATTACH_SPEC_SOURCE_ADVICE                                                                                  \
+    "sample it again with --set '/attributes=[{\"from\":\"geometry\",\"name\":\"source\"}]' (hexadctl sample and " \
+    "submit, hexad-worker sample)"
 
 /* `sampled`: the spec of the result. `points`: the path of its points.ply. `mesh`: one path for each mesh of
  * the surface, in the order of the spec. Members that concern the computation of points are removed, as is

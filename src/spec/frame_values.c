@@ -75,8 +75,8 @@ void frame_values_read(reading *r, const json_at *at, const spec_row *row, json 
             reading_shorten(member.key, given);
             reading_add_fault(
                 r, at,
-                "the path '%s' is the same for all frames; put the files below an input root and "
-                "write #### in the path (uploaded files cannot be frames of one job)",
+                "the path '%s' is the same for all frames: put the files below an input root and "
+                "write #### in the path, or list uploaded files in queue.files",
                 given);
             continue;
         }

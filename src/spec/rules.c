@@ -513,8 +513,8 @@ static void check_transform(reading *r, const json_at *at)
 static void check_attribute(reading *r, const json_at *at)
 {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
-    static const char *const computed[] = {"part", "direction1", "direction2", SPEC_GEOMETRY_SOURCE,
-                                           SPEC_GEOMETRY_WEIGHT};
+    static const char *const computed[] = {"part", SPEC_GEOMETRY_DIRECTION1, SPEC_GEOMETRY_DIRECTION2,
+                                           SPEC_GEOMETRY_SOURCE, SPEC_GEOMETRY_WEIGHT};
     const spec_attribute *a = reading_target(r, offsetof(spec, attribute));
     json_at as = json_member(at, "as"), name = json_member(at, "name");
     if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))

@@ -41,12 +41,39 @@ json *sample_spec_unseen(const char *member, const char *path)
     return inspection;
 }
 
+/* Assignments to the members of a spec whose pointers end with the name before the equals sign, as in
+ * isovalue=100; the caller frees the text. "": there is none, or there are too many to list. */
+static char *write_assignments(const char *assignment)
+{
+    enum { MOST = 4 };
+    const size_t length = strcspn(assignment, "=");
+    size_t found = 0;
+    char *list = mem_strdup("");
+    for (size_t i = 0; i < spec_row_count && length > 0 && found <= MOST; i++) {
+        const char *pointer = spec_rows[i].pointer;
+        const size_t all = strlen(pointer);
+        if (all <= length || pointer[all - length - 1] != '/' ||
+            strncmp(pointer + all - length, assignment, length) != 0)
+            continue;
+        char *longer = mem_printf("%s%s%s%s", list, found ? " or " : "", pointer, assignment + length);
+        free(list);
+        list = longer;
+        found++;
+    }
+    if (found > MOST) *list = '\0';
+    return list;
+}
+
 bool sample_spec_set(json *document, const char *assignment, error *e)
 {
     const char *equals = strchr(assignment, '=');
-    if (*assignment != '/' || !equals || equals == assignment + 1)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "--set %s: must be /MEMBER=VALUE, such as /sampling/count=5000", assignment);
+    if (*assignment != '/' || !equals || equals == assignment + 1) {
+        char *meant = write_assignments(equals ? assignment : "");
+        error_set(e, ERROR_SPEC_INVALID, "--set %s: must be /MEMBER=VALUE, such as %s", assignment,
+                  *meant ? meant : "/sampling/count=5000");
+        free(meant);
+        return false;
+    }
     char *pointer = mem_printf("%.*s", (int)(equals - assignment), assignment);
     json *value = json_parse(equals + 1, strlen(equals + 1), NULL);
     if (!value) value = json_new_string(equals + 1);
@@ -158,23 +185,56 @@ bool sample_spec_is_complete(const char *member, const sample_options *options)
     return ok;
 }
 
-char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
+bool sample_spec_needs_inspection(const char *member, const sample_options *options)
 {
+    return strcmp(member, "volume") == 0 || !sample_spec_is_complete(member, options);
+}
+
+/* The text about a value of the first of these members of the surface that is suggested and has one, unless an option
+ * sets it. `write` makes the text, which the caller frees. NULL: none. */
+typedef char *note_writer(const json *inspection, const char *member, double value);
+
+static char *note_of(const json *inspection, const sample_options *options, const char *key,
+                     note_writer *write)
+{
+    static const char *const kinds[] = {"vdb", "volume", "labels"};
     const json *suggested = sample_spec_suggested(inspection);
-    json_at root = json_root(inspection), list = json_member(&root, "suggestions");
     json *own = suggested ? json_copy(suggested) : NULL, *given = json_new_object();
     char *note = NULL;
     apply(given, options, 0, NULL);
-    for (size_t i = 0; own && i < MEMBERS && !note; i++) {
-        json *isovalue = value_of_surface(own, members[i], "isovalue");
-        if (isovalue && !value_of_surface(given, members[i], "isovalue"))
-            note = mem_printf("isovalue %g: suggested by inspect, of %zu; set another with --set "
-                              "/surface/%s/isovalue=V",
-                              json_number(json_root(isovalue), 0), json_size(list), members[i]);
+    for (size_t i = 0; own && i < sizeof kinds / sizeof *kinds && !note; i++) {
+        json *value = value_of_surface(own, kinds[i], key);
+        if (value && !value_of_surface(given, kinds[i], key))
+            note = write(inspection, kinds[i], json_number(json_root(value), 0));
     }
     json_free(own);
     json_free(given);
     return note;
+}
+
+static char *write_isovalue(const json *inspection, const char *member, double isovalue)
+{
+    json_at root = json_root(inspection);
+    return mem_printf(
+        "isovalue %g: suggested by inspect, of %zu; set another with --set /surface/%s/isovalue=V", isovalue,
+        json_size(json_member(&root, "suggestions")), member);
+}
+
+static char *write_volume(const json *inspection, const char *member, double index)
+{
+    json_at root = json_root(inspection), volume = json_member(&root, "volume");
+    return mem_printf("volume %.0f of %.0f, from 0; set another with --set /surface/%s/index=K", index,
+                      json_number(json_member(&volume, "volumes"), 1), member);
+}
+
+char *sample_spec_isovalue_note(const json *inspection, const sample_options *options)
+{
+    return note_of(inspection, options, "isovalue", write_isovalue);
+}
+
+char *sample_spec_volume_note(const json *inspection, const sample_options *options)
+{
+    return note_of(inspection, options, "index", write_volume);
 }
 
 char *sample_spec_inspected(const char *path, const sample_options *options, error *e)
@@ -210,20 +270,82 @@ static void put_pattern(json *document, const char *pattern, const char *inspect
     }
 }
 
+/* The names of an OpenVDB file's grids, or of those with scalars, with their types if `typed`; the caller frees
+ * the text. */
+static char *list_grids(json_at grids, bool scalars_only, bool typed)
+{
+    char *list = mem_strdup("");
+    for (json_at grid = json_first(&grids); grid.node; grid = json_next(&grid)) {
+        if (scalars_only && !json_bool(json_member(&grid, "scalar"), false)) continue;
+        const char *name = json_string(json_member(&grid, "name"), ""),
+                   *type = json_string(json_member(&grid, "type"), "");
+        char *longer = mem_printf("%s%s\"%s\"%s%s%s", list, *list ? ", " : "", name, typed ? " (" : "",
+                                  typed ? type : "", typed ? ")" : "");
+        free(list);
+        list = longer;
+    }
+    return list;
+}
+
+/* Why no surface of an OpenVDB file can be sampled, and what to do; the caller frees the text. */
+static char *explain_grids(json_at grids)
+{
+    size_t scalars = 0, empty = 0, points = 0;
+    const char *fault = NULL;
+    for (json_at grid = json_first(&grids); grid.node; grid = json_next(&grid)) {
+        json_at told = json_member(&grid, "error");
+        if (told.node && !fault) fault = json_string(json_member(&told, "message"), "");
+        if (json_bool(json_member(&grid, "scalar"), false)) scalars++;
+        if (json_number(json_member(&grid, "active_voxels"), 1) == 0) empty++;
+        if (strncmp(json_string(json_member(&grid, "type"), ""), "ptdataidx", strlen("ptdataidx")) == 0)
+            points++;
+    }
+    const size_t all = json_size(grids);
+    char *list = list_grids(grids, scalars > 0, scalars == 0), *text;
+    const char *noun = (scalars ? scalars : all) == 1 ? "grid" : "grids";
+    if (all == 0)
+        text = mem_strdup("the file has no grid: give another file");
+    else if (fault)
+        text = mem_printf("a grid cannot be read: %s", fault);
+    else if (scalars > 0 && empty == scalars)
+        text = mem_printf("the %s %s %s no active voxels: choose another frame or file", noun, list,
+                          scalars == 1 ? "has" : "have");
+    else if (scalars > 0)
+        text = mem_printf("the %s %s %s no isovalue with a surface: choose another frame or file", noun, list,
+                          scalars == 1 ? "has" : "have");
+    else if (points == all)
+        text = mem_printf("the %s %s %s points, and a surface is taken from a grid of type float or double: "
+                          "convert the points to a level set or a fog volume",
+                          noun, list, all == 1 ? "has" : "have");
+    else
+        text = mem_printf(
+            "a surface is taken from a grid of type float or double, and the file has only the %s %s: "
+            "give a file with a density or a level set",
+            noun, list);
+    free(list);
+    return text;
+}
+
 /* Sets the error for an inspection without a surface that can be sampled. */
 static void explain_missing(const json *inspection, const char *path, error *e)
 {
     json_at root = json_root(inspection), list = json_member(&root, "suggestions"), first = json_first(&list),
             fault = json_member(&first, "error");
     const char *message = json_string(json_member(&fault, "message"), NULL);
+    const file_format format = file_format_of_name(path);
     if (message)
         error_set(e, error_code_from_name(json_string(json_member(&fault, "code"), "")), "%s: %s", path,
                   message);
-    else
-        error_set(e, ERROR_NO_SURFACE,
-                  "%s: no surface was found: inspect shows what the file contains. An image of a stack "
-                  "requires the other images beside it.",
-                  path);
+    if (message) return;
+    json_at grids = json_member(&root, "grids");
+    char *why =
+        grids.node ? explain_grids(grids)
+        : format == FILE_FORMAT_EXR || format == FILE_FORMAT_TIFF
+            ? mem_strdup("no surface was found. An image of a stack requires the other images beside it")
+            : mem_strdup("no surface was found");
+    error_set(e, ERROR_NO_SURFACE, "%s: %s. `hexad-worker inspect FILE` shows what the file contains", path,
+              why);
+    free(why);
 }
 
 const char *sample_spec_ending(const char *path)

@@ -49,8 +49,14 @@ bool sample_spec_has_target(const sample_options *options);
 /* Whether the options name a target, and the isovalue of a surface of this member unless it is a mesh. */
 bool sample_spec_is_complete(const char *member, const sample_options *options);
 
-/* The text about an isovalue that an inspection suggests and no option sets; the caller frees it. NULL: none. */
+/* Whether a surface of this member has to be inspected. A complete mesh or VDB file has not; the inspection of
+ * another volume finds its slices as well. */
+bool sample_spec_needs_inspection(const char *member, const sample_options *options);
+
+/* The text about an isovalue, or about the index of one of several volumes, that an inspection suggests and no option
+ * sets; the caller frees it. NULL: none. */
 char *sample_spec_isovalue_note(const json *inspection, const sample_options *options);
+char *sample_spec_volume_note(const json *inspection, const sample_options *options);
 
 /* Puts the value of `/POINTER=VALUE` into a spec. VALUE is JSON; any other text is a string. Missing objects
  * on the path are created. Error spec_invalid: the text has another form, or the path leads through a value

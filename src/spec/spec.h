@@ -208,6 +208,9 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
 #define SPEC_GEOMETRY_SOURCE \
     "source" /* name, with SPEC_FROM_GEOMETRY, of the attribute with the position of a point on a mesh */
 #define SPEC_GEOMETRY_WEIGHT "weight" /* the same, of the quadrature weight */
+/* the same, of the principal directions */
+#define SPEC_GEOMETRY_DIRECTION1 "direction1"
+#define SPEC_GEOMETRY_DIRECTION2 "direction2"
 
 typedef struct spec_attribute { /* attribute of points, from a file or from the geometry of the surface */
     char *from;                 /* SPEC_FROM_SURFACE: the surface's file; SPEC_FROM_GEOMETRY; else a path */
@@ -326,7 +329,8 @@ typedef struct spec {
     int64_t memory_mb; /* limits; 0: the default of the service or the worker */
     double timeout_s, stall_s;
     int max_attempts;
-    int64_t max_chunks; /* maximum number of chunks of a directory that are read */
+    int64_t image_pixels, image_scans; /* limits of an image of a mesh: width times height; scans of a JPEG */
+    int64_t max_chunks;                /* maximum number of chunks of a directory that are read */
 
     int priority;
     char **labels;

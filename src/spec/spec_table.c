@@ -112,7 +112,8 @@ const spec_row spec_rows[] = {
      AT(surface.mesh.path),
      .prose =
          "The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one "
-         "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are not read."},
+         "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are read for the "
+         "attribute base_color only (materials and images, below the input roots)."},
     {.pointer = MEMBER("/surface/mesh", "voxel_size"),
      .title = "Size of a voxel",
      .type = SPEC_TYPE_NUMBER,
@@ -1186,7 +1187,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. Of a mesh: the "
          "name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an array of the "
-         "points of a VTK file, or color."},
+         "points of a VTK or GIfTI file, or color."},
     {.pointer = MEMBER("/sampling/grid", "component"),
      .title = "Component of the value",
      .type = SPEC_TYPE_INTEGER,
@@ -1575,7 +1576,7 @@ const spec_row spec_rows[] = {
      .prose =
          "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the "
          "component of an NRRD file with several values at a place (0, 1, ...; all of them if this is "
-         "absent), or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the "
+         "absent), or the name of a value of the vertices of a mesh, or base_color: the colour of its materials and images. Geometric quantities: part (the number of the "
          "part of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the place "
          "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the quadrature "
          "weight: the sum of weight times f approximates the integral of f; excludes sampling.attach and given points "
@@ -2005,6 +2006,28 @@ const spec_row spec_rows[] = {
      .unit = "chunks",
      .prose =
          "The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser level, needs fewer."},
+    {.pointer = MEMBER("/limits", "image_pixels"),
+     .title = "Most pixels of an image",
+     .type = SPEC_TYPE_LARGE,
+     .low = 1,
+     .high = 1 << 30,
+     .otherwise = "268435456",
+     AT(image_pixels),
+     .unit = "pixels",
+     .prose =
+         "The maximum width times height of an image of a mesh (attributes: base_color). A larger one is "
+         "refused before it is decoded."},
+    {.pointer = MEMBER("/limits", "image_scans"),
+     .title = "Most scans of a JPEG image",
+     .type = SPEC_TYPE_LARGE,
+     .low = 1,
+     .high = 100000,
+     .otherwise = "500",
+     AT(image_scans),
+     .unit = "scans",
+     .prose =
+         "The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each "
+         "takes the time of a decoding."},
     {.pointer = MEMBER("/limits", "max_attempts"),
      .title = "Most attempts",
      .type = SPEC_TYPE_INTEGER,

@@ -160,7 +160,8 @@ gives_up_on_bad_settings() {
     printf '[Unit]\nStartLimitIntervalSec=600\n' | drop_in hexad.service interval
     echo "workers = many" >>"$settings"
     systemctl stop hexad.service
-    until_true socket_has_given_up && says ExecMainStatus 2
+    until_true socket_has_given_up && says ExecMainStatus 2 && ! hexadctl list 2>/tmp/given_up
+    cat /tmp/given_up && grep -q 'systemctl reset-failed hexad.service hexad.socket' /tmp/given_up
 }
 socket_has_given_up() {
     ! hexadctl list && systemctl is-failed hexad.socket
@@ -243,6 +244,18 @@ serves_tcp() {
         ! HEXAD_SERVER=http://127.0.0.1:8642 timeout 60 hexadctl list && is_confined
 }
 
+# The service runs without waiting for a client, and a repeated command changes nothing.
+opens_a_port() {
+    systemctl stop hexad.service hexad.socket
+    hexad --open-port nobody >/tmp/opened && cat /tmp/opened && says ActiveState active && daemon=$(main_pid) &&
+        HEXAD_SERVER=http://127.0.0.1:8642 HEXAD_TOKEN=$(head -n 1 /tmp/opened) timeout 60 hexadctl list &&
+        hexad --open-port nobody >/tmp/again && cat /tmp/again && grep -q 'nobody has 1 token already' /tmp/again &&
+        grep -q 'open http://127.0.0.1:8642/' /tmp/again && [ "$(main_pid)" = "$daemon" ]
+    opened=$?
+    rm -r /etc/systemd/system/hexad.socket.d
+    return $opened
+}
+
 # Takes one call on 127.0.0.1:9999 into /tmp/call.
 receive_a_call() {
     perl -MIO::Socket::INET -e '
@@ -318,6 +331,7 @@ else
     done
 fi
 check "the example tcp.conf serves a port" with_settings serves_tcp
+check "hexad --open-port opens a port and starts the service" with_settings opens_a_port
 check "the example webhooks.conf lets webhooks be called" with_settings calls_webhooks
 if command -v slurmd >/dev/null; then
     check "the example slurm.conf lets attempts run in Slurm" with_settings runs_on_slurm

@@ -29,7 +29,7 @@ BUILDS = {
 LIBRARIES = {
     "--disable-daemon": {"libmicrohttpd": "libmicrohttpd", "sqlite3": "libsqlite3", "libcurl": "libcurl", "inih": "libinih",
                          "libsystemd": "libsystemd"},
-    "--disable-preview": {"libpng": "libpng", "libdeflate": "libdeflate"},
+    "--disable-preview": {"libdeflate": "libdeflate"},
 }
 PROGRAMS = {"hexad": "--disable-daemon", "hexadctl": "--disable-daemon", "hexad-node": "--without-slurm", "hexad-worker": None}
 SPHERE = {"version": 1, "surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 300}}

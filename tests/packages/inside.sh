@@ -37,7 +37,7 @@ assert job.outcome == "converged" and job.points().count == 500'
 
 # The page and the API on the port, with the token that the command prints.
 opens_the_port() {
-    hexad --open-port alice >opened && cat opened && python3 -c '
+    hexad --open-port nobody >opened && cat opened && systemctl is-active hexad.service && python3 -c '
 import sys, urllib.request
 token = sys.stdin.readline().strip()
 page = urllib.request.urlopen("http://127.0.0.1:8642/").read()

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of every format, with one field varied: there twice, with text behind its number, with a decimal comma, with an unknown word, not
 finite, other on one page, node or piece only, or declared with a number that its data contradict. What the file means is known: two balls. So is what is right: these two balls, an error,
-or a new warning.
+or a new warning. A painted file has the spacings of points on two balls that are a formula: right are exactly the points of the file without a
+variation.
 
 As a program: `field_variations.py BUILD [--cases N] [--seed N] [--formats NAME,...]` runs N variations (0: all there are), spread evenly
 over formats and fields, prints each that gives other points without a warning, and a table by format; ends with 1 if there is any.
@@ -29,6 +30,7 @@ import library_meshes
 from damaged_meshes import icosphere
 from readers import Points
 from volumes import NIFTI2_FIELDS, NIFTI_FIELDS, Part, change_nifti, write_exr, write_meta_image, write_nifti, write_nrrd, write_tiff
+from vtk_files import write_xml
 from zarr_files import multiscales, write_array_2, write_array_3, write_group_2, write_group_3
 
 BALLS = ((numpy.array((10.0, 12.0, 14.0)), 6.0), (numpy.array((20.0, 14.0, 9.0)), 3.0))
@@ -184,7 +186,7 @@ def text_variations(text, fields):
 # Names of fields whose numbers the data contradict if they are changed alone: sizes, counts and types.
 DECLARED = {"sizes", "dimension", "DimSize", "NDims", "shape", "SizeX", "SizeY", "SizeZ", "SizeC", "SizeT", "PlaneCount", "images", "slices",
             "element vertex", "element face", "POINTS", "POLYGONS", "NumberOfPoints", "NumberOfPolys", "NumberOfComponents", "NumberOfDataArrays", "Dim0", "Dim1",
-            "Dimensionality", "count", "byteLength", "componentType", "min", "max", "stride", "counts"}
+            "Dimensionality", "POINT_DATA", "SCALARS", "count", "byteLength", "componentType", "min", "max", "stride", "counts"}
 
 
 def declared(value):
@@ -492,31 +494,80 @@ def stl(rng):
         yield "file", way, lambda folder, how=how: write(folder, **how)
 
 
-def off(rng):
+def off_text():
     v, f = joined()
-    text = f"OFF\n{len(v)} {len(f)} 0\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) + "".join("3 %d %d %d\n" % tuple(c) for c in f)
+    return f"OFF\n{len(v)} {len(f)} 0\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) + "".join("3 %d %d %d\n" % tuple(c) for c in f)
+
+
+def off(rng):
+    text = off_text()
     data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE)]
     yield from of_text("m.off", text, [data[0]._replace(name="counts"), *some(data[1:], rng, 12)])
 
 
-def vtk(rng):
+def vtk_text(more=""):
     v, f = joined()
-    text = (f"# vtk DataFile Version 3.0\ntwo balls\nASCII\nDATASET POLYDATA\nPOINTS {len(v)} double\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) +
-            f"POLYGONS {len(f)} {4 * len(f)}\n" + "".join("3 %d %d %d\n" % tuple(c) for c in f))
+    return (f"# vtk DataFile Version 3.0\ntwo balls\nASCII\nDATASET POLYDATA\nPOINTS {len(v)} double\n" + "".join("%r %r %r\n" % tuple(p) for p in v.tolist()) +
+            f"POLYGONS {len(f)} {4 * len(f)}\n" + "".join("3 %d %d %d\n" % tuple(c) for c in f) + more)
+
+
+def vtk(rng):
+    text = vtk_text("METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\n")
     data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE)]
     yield from of_text("m.vtk", text, [*lines(text, " ", of="# vtk DataFile Version|DATASET|POINTS|POLYGONS"), *some(data, rng, 12)])
+    parts = {"POINTS": text[text.index("POINTS"):text.index("POLYGONS")], "POLYGONS": text[text.index("POLYGONS"):text.index("METADATA")],
+             "METADATA": text[text.index("METADATA"):]}
+    values = f"POINT_DATA {len(joined()[0])}\nSCALARS s float\nLOOKUP_TABLE default\n" + "1 " * len(joined()[0]) + "\n"
+    head = text[:text.index("POINTS")]
+    for field, way, body in (("POINTS", "twice, the whole section", ("POINTS", "POINTS", "POLYGONS")), ("POLYGONS", "twice, the whole section", ("POINTS", "POLYGONS", "POLYGONS")),
+                             ("POLYGONS", "before POINTS", ("POLYGONS", "POINTS")), ("POLYGONS", "behind values", ("POINTS", values, "POLYGONS")),
+                             ("POLYGONS", "behind a byte 0", ("POINTS", "\0\n", "POLYGONS")), ("POLYGONS", "in two sections", ("POINTS", None)),
+                             ("METADATA", "without an empty line", ("POINTS", parts["METADATA"].rstrip() + "\n", "POLYGONS"))):
+        if body[-1] is None:
+            rows = parts["POLYGONS"].splitlines()[1:]
+            body = ("POINTS", *(f"POLYGONS {len(some_rows)} {4 * len(some_rows)}\n" + "\n".join(some_rows) + "\n" for some_rows in (rows[:50], rows[50:])))
+        changed = head + "".join(parts.get(part, part) for part in body)
+        yield field, way, lambda folder, changed=changed: ((folder / "m.vtk").write_text(changed), mesh("m.vtk"))[1]
 
 
-def vtp(rng):
-    pieces = ""
+def vtp_text(values=None):
+    pieces, first = "", 0
     for v, f in triangles():
-        pieces += (f'<Piece NumberOfPoints="{len(v)}" NumberOfPolys="{len(f)}"><Points><DataArray type="Float64" Name="Points" NumberOfComponents="3" '
+        pieces += f'<Piece NumberOfPoints="{len(v)}" NumberOfPolys="{len(f)}">'
+        if values is not None:
+            pieces += ('<PointData Scalars="quality"><DataArray type="Float32" Name="quality" format="ascii">' +
+                       " ".join(map(repr, values[first:first + len(v)].tolist())) + "</DataArray></PointData>")
+            first += len(v)
+        pieces += ('<Points><DataArray type="Float64" Name="Points" NumberOfComponents="3" '
                    'format="ascii">' + " ".join(map(repr, v.ravel().tolist())) + '</DataArray></Points><Polys><DataArray type="Int64" Name="connectivity" '
                    'format="ascii">' + " ".join(map(str, f.ravel().tolist())) + '</DataArray><DataArray type="Int64" Name="offsets" format="ascii">' +
                    " ".join(map(str, range(3, 3 * len(f) + 1, 3))) + "</DataArray></Polys></Piece>")
-    text = f'<?xml version="1.0"?><VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32"><PolyData>{pieces}</PolyData></VTKFile>'
+    return f'<?xml version="1.0"?><VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt32"><PolyData>{pieces}</PolyData></VTKFile>'
+
+
+def vtp(rng):
+    text = vtp_text()
     arrays = [Field("DataArray", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</DataArray>", text)]
     yield from of_text("m.vtp", text, [*attributes(text), *arrays])
+    for name in ("Points", "Polys"):
+        at = text.rindex(f"</{name}>")
+        array = text[text.rindex("<DataArray", 0, at):at]
+        for way, put in (("twice, the same", array), ("twice, the second is another", array.replace(" 1", " 2").replace(">3 ", ">6 ")),
+                         ("twice, the first is another", None)):
+            changed = (text[:at] + put + text[at:] if put else text[:at - len(array)] + array.replace(" 1", " 2").replace(">3 ", ">6 ") + text[at - len(array):])
+            yield f"array of {name}", way, lambda folder, changed=changed: ((folder / "m.vtp").write_text(changed), mesh("m.vtp"))[1]
+
+
+def vtp_appended(rng):
+    """Appended binary arrays: the attributes that say where and how they are."""
+    with tempfile.TemporaryDirectory() as folder:
+        v, f = joined()
+        write_xml(pathlib.Path(folder) / "m.vtp", [(v, {"Polys": f.tolist()})], mode="appended")
+        text = (pathlib.Path(folder) / "m.vtp").read_text()
+    yield from of_text("m.vtp", text, [f for f in attributes(text) if f.name not in ("version", "Scalars")])
+    for m in re.finditer(r' offset="\d+"', text):
+        changed = text[:m.start()] + text[m.end():]
+        yield "offset", "is not there", lambda folder, changed=changed: ((folder / "m.vtp").write_text(changed), mesh("m.vtp"))[1]
 
 
 def three_mf(rng):
@@ -528,16 +579,22 @@ def three_mf(rng):
     text = ('<?xml version="1.0" encoding="UTF-8"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
             f'<resources>{objects}</resources><build><item objectid="1"/><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 0"/></build></model>')
 
-    def case(changed):
+    def case(changed, beside=None):
         def write(folder):
             with zipfile.ZipFile(folder / "m.3mf", "w") as archive:
                 archive.writestr("[Content_Types].xml", '<?xml version="1.0" encoding="UTF-8"?><Types/>')
                 archive.writestr("_rels/.rels", '<?xml version="1.0" encoding="UTF-8"?><Relationships><Relationship Id="r" Target="/3D/3dmodel.model" '
                                  'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>')
                 archive.writestr("3D/3dmodel.model", changed)
+                if beside:
+                    archive.NameToInfo.clear()  # zipfile warns of a name that is there twice
+                    archive.writestr("3D/3dmodel.model", beside)
             return mesh("m.3mf")
         return write
     yield "", "", case(text)
+    other = text.replace("millimeter", "inch")
+    for way, both in (("twice, the second is another", (text, other)), ("twice, the first is another", (other, text))):
+        yield "part", way, case(*both)
     found = attributes(text)
     rows = [f for f in found if f.name in ("x", "y", "z", "v1", "v2", "v3")]
     for field, way, changed in text_variations(text, [f for f in found if f not in rows] + some(rows, rng, 10)):
@@ -580,19 +637,117 @@ def gltf(rng):
     yield "node 1", "has two parents", with_node(lambda _, whole: whole["nodes"][0].update(children=[1]))
 
 
-def gifti(rng):
-    def array(intent, kind, values, width):
+def gifti_text(values=None, encoding="ASCII"):
+    def array(intent, kind, values, width, name=""):
         identity = " ".join("1" if k % 5 == 0 else "0" for k in range(16))
         system = (f"<CoordinateSystemTransformMatrix><DataSpace>NIFTI_XFORM_UNKNOWN</DataSpace><TransformedSpace>NIFTI_XFORM_UNKNOWN</TransformedSpace>"
                   f"<MatrixData>{identity}</MatrixData></CoordinateSystemTransformMatrix>") if "POINT" in intent else ""
+        name = name and f"<MetaData><MD><Name>Name</Name><Value>{name}</Value></MD></MetaData>"
+        data = " ".join(map(str, values.ravel().tolist())) if encoding == "ASCII" else base64.b64encode(values.tobytes()).decode()
         return (f'<DataArray Intent="{intent}" DataType="{kind}" ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Dim0="{len(values)}" Dim1="{width}" '
-                f'Encoding="ASCII" Endian="LittleEndian" ExternalFileName="" ExternalFileOffset="0">{system}<Data>' +
-                " ".join(map(str, values.ravel().tolist())) + "</Data></DataArray>")
+                f'Encoding="{encoding}" Endian="LittleEndian" ExternalFileName="" ExternalFileOffset="0">{name}{system}<Data>{data}</Data></DataArray>')
     v, f = joined()
-    text = ('<?xml version="1.0" encoding="UTF-8"?><GIFTI Version="1.0" NumberOfDataArrays="2">' +
-            array("NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", v.astype("f4"), 3) + array("NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32", f, 3) + "</GIFTI>")
+    more = array("NIFTI_INTENT_SHAPE", "NIFTI_TYPE_FLOAT32", values.astype("<f4"), 1, "quality") if values is not None else ""
+    return (f'<?xml version="1.0" encoding="UTF-8"?><GIFTI Version="1.0" NumberOfDataArrays="{3 if more else 2}">' +
+            array("NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", v.astype("<f4"), 3) + array("NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32", f.astype("<i4"), 3) + more + "</GIFTI>")
+
+
+def gifti(rng):
+    text = gifti_text()
     arrays = [Field("Data", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</(?:Data|MatrixData)>", text)]
     yield from of_text("m.gii", text, [*attributes(text), *arrays])
+    begin, end = text.index("<Coord"), text.index("<Data>")
+    other = text[begin:end].replace(">1 0", ">2 0")
+    for way, put in (("twice, the second is another", text[begin:end] + other), ("twice, the first is another", other + text[begin:end]), ("is another", other)):
+        yield "CoordinateSystemTransformMatrix", way, lambda folder, put=put: ((folder / "m.gii").write_text(text[:begin] + put + text[end:]), mesh("m.gii"))[1]
+    data = text[end:text.index("</DataArray>")]
+    for way, put in (("twice, the same", data + data), ("twice, the second is another", data + "<Data>7 8 9</Data>"), ("twice, the first is another", "<Data>7 8 9</Data>" + data)):
+        yield "Data", way, lambda folder, put=put: ((folder / "m.gii").write_text(text.replace(data, put)), mesh("m.gii"))[1]
+
+
+def gifti_base64(rng):
+    text = gifti_text(encoding="Base64Binary")
+    yield from of_text("m.gii", text, [f for f in attributes(text) if f.name not in ("encoding", "version", "Version")])
+
+
+# ---- files with the spacings of points: those on two balls that are a formula
+
+def spacings(positions):
+    return 1 + numpy.abs(positions[:, 0] - 13) / 5
+
+
+def painted(name, text, fields, value="quality", component=None, structures=()):
+    """`structures`: more variations (field, way, changed text)."""
+    def case(changed):
+        def write(folder):
+            (folder / name).write_text(changed)
+            (folder / "balls.off").write_text(off_text())
+            return {**mesh("balls.off"), "grid": {"path": name, "name": value, **({} if component is None else {"component": component})}}
+        return write
+    yield "", "", case(text)
+    for field, way, changed in (*text_variations(text, fields), *structures):
+        yield field, way, case(changed)
+
+
+def painted_ply(rng):
+    v, f = joined()
+    text = (f"ply\nformat ascii 1.0\nelement vertex {len(v)}\nproperty double x\nproperty double y\nproperty double z\nproperty float quality\n"
+            f"element face {len(f)}\nproperty list uchar int vertex_indices\nend_header\n")
+    text += "".join("%r %r %r %r\n" % (*p, s) for p, s in zip(v.tolist(), spacings(v).tolist())) + "".join("3 %d %d %d\n" % tuple(c) for c in f)
+    data = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE)]
+    yield from painted("map.ply", text, [*lines(text, " ", of="format|element vertex|element face|property float|property list"), *some(data, rng, 12)])
+
+
+def painted_obj(rng):
+    """Colours of vertices. A row that is there twice moves the numbers of the vertices behind it: the file is one of another mesh."""
+    v, f = joined()
+    text = "".join("v %r %r %r %r 0.25 0.5\n" % (*p, s / 4) for p, s in zip(v.tolist(), spacings(v).tolist())) + "".join("f %d %d %d\n" % tuple(c + 1) for c in f)
+    rows = words_in_lines(text, "v ", rng, 12)
+    yield from painted("map.obj", text, [], "color", 0, [v for v in text_variations(text, rows) if not v[1].startswith("twice")] +
+                       [("f ", "empty", text.replace(m[0], "f\n", 1)) for m in some(list(re.finditer(r"f .*\n", text)), rng, 4)])
+
+
+def painted_vtk(rng):
+    v, _ = joined()
+    numbers = "\n".join(map(repr, spacings(v).tolist())) + "\n"
+    field = f"FIELD FieldData 1\nother 1 {len(v)} double\n" + "2.5 " * len(v) + "\n"
+    text = vtk_text(f"POINT_DATA {len(v)}\nSCALARS quality double 1\nLOOKUP_TABLE default\n{numbers}{field}")
+    data = [m for m in re.finditer(r"^[-\d].*$", text, re.MULTILINE) if m.start() > text.index("LOOKUP_TABLE")]
+    rows = [Field("row", m.start(), m.end(), m.start(), m.end() + 1) for m in some(data[:len(v)], rng, 12)]
+    scalars = text[text.index("SCALARS"):text.index("FIELD")]
+    other = scalars.replace("1", "2")
+    at = text.index("SCALARS")
+    yield from painted("map.vtk", text, [*lines(text, " ", of="POINT_DATA|SCALARS|LOOKUP_TABLE|FIELD|other"), *rows], structures=[
+        ("SCALARS", "twice, the whole array", text[:at] + scalars + text[at:]),
+        ("SCALARS", "twice, the whole array, the first is another", text[:at] + other.replace("quality double 2", "quality double 1") + text[at:]),
+        ("SCALARS", "in another case", text.replace("quality", "Quality")), ("POINT_DATA", "is CELL_DATA", text.replace("POINT_DATA", "CELL_DATA")),
+        ("FIELD", "twice, an array of the name", text.replace("\nother ", "\nquality ")), ("row", "behind a byte 0", text[:at] + "\0\n" + text[at:])])
+
+
+def painted_vtp(rng):
+    text = vtp_text(spacings(joined()[0]))
+    arrays = [Field("DataArray", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</DataArray>", text)]
+    found = [f for f in attributes(text) if text.rfind("<", 0, f.begin) in (text.rfind("<PointData", 0, f.begin), text.find("<DataArray", text.rfind("<PointData", 0, f.begin)))]
+    second = text.rindex("<PointData")
+    array = text[text.index("<DataArray", second):text.index("</PointData>", second)]
+    yield from painted("map.vtp", text, [*found, *arrays[0::4]], structures=[
+        ("array of PointData", "twice, the same", text[:second] + text[second:].replace(array, 2 * array)),
+        ("array of PointData", "twice, the first is another", text.replace(array, array.replace(">2", ">3") + array)),
+        ("array of PointData", "of piece 1 only", text.replace(text[text.index("<PointData"):text.index("</PointData>") + 12], "", 1)),
+        ("array of PointData", "of piece 0 only", text.replace(text[second:text.index("</PointData>", second) + 12], "", 1))])
+
+
+def painted_gifti_of(encoding):
+    def run(rng):
+        text = gifti_text(spacings(joined()[0]), encoding)
+        last = text.rindex("<DataArray")
+        value = Field("name", text.index("quality"), text.index("quality") + 7, text.index("<MD>"), text.index("</MD>") + 5)
+        array = text[last:text.rindex("</GIFTI>")]
+        data = [Field("Data", m.start(1), m.end(1), m.start(1), m.end(1)) for m in re.finditer(r">([-\d. e]+)</Data>", text) if m.start() > last]
+        yield from painted("map.gii", text, [*(f for f in attributes(text) if f.begin > last), value, *data], structures=[
+            ("array of values", "twice, the same", text.replace(array, 2 * array)), ("array of values", "before the surface", text.replace(array, "").replace("<DataArray", array + "<DataArray", 1)),
+            ("array of values", "of listed points only", text.replace(array, array.replace("SHAPE", "NODE_INDEX").replace("quality", "k") + array))])
+    return run
 
 
 # ---- formats that assimp reads
@@ -796,8 +951,10 @@ FORMATS = {"nrrd": nrrd, "nrrd by spacings": nrrd_by_spacings, "nrrd in files": 
            "meta_image in a file": meta_image_in_a_file, "nifti-1 sform": nifti_of(1, False), "nifti-1 qform": nifti_of(1, True),
            "nifti-2 sform": nifti_of(2, False), "nifti-2 qform": nifti_of(2, True), "imagej": imagej, "tiff pages": tiff_pages, "tiff stack": tiff_stack,
            "ome": ome, "zarr 2": zarr_of(2), "zarr 3": zarr_of(3), "obj": obj, "ply": ply, "stl text": stl_text, "stl": stl, "off": off, "vtk": vtk,
-           "vtp": vtp, "3mf": three_mf, "gltf": gltf, "gifti": gifti, "fbx": fbx, "collada": collada,
-           "x3d": x3d, "3ds": tds, "gltf draco": draco, "exr": exr, "vdb": vdb}
+           "vtp": vtp, "vtp appended": vtp_appended, "3mf": three_mf, "gltf": gltf, "gifti": gifti, "gifti base64": gifti_base64, "fbx": fbx, "collada": collada,
+           "x3d": x3d, "3ds": tds, "gltf draco": draco, "exr": exr, "vdb": vdb,
+           "painted ply": painted_ply, "painted obj": painted_obj, "painted vtk": painted_vtk, "painted vtp": painted_vtp,
+           "painted gifti": painted_gifti_of("ASCII"), "painted gifti base64": painted_gifti_of("Base64Binary")}
 
 
 # ---- running and judging
@@ -806,7 +963,9 @@ def run(worker, write):
     """(report or None, message, positions)"""
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        spec = {"version": 1, "surface": write(folder), "sampling": {"count": 120}, "output": {"preview": False},
+        surface = dict(write(folder))
+        grid = {"grid": surface.pop("grid")} if "grid" in surface else {}
+        spec = {"version": 1, "surface": surface, "sampling": {"count": 120, **grid}, "output": {"preview": False},
                 "solver": {"threads": 1, "max_sweeps": 1}}
         done = subprocess.run([worker, "run", "-", "--output", folder / "out"], input=json.dumps(spec), cwd=folder, capture_output=True,
                               text=True, timeout=TIMEOUT_S)
@@ -818,18 +977,20 @@ def run(worker, write):
         return report, "", Points((folder / "out/points.ply").read_bytes()).position
 
 
-def is_right(report, positions, area=None):
-    """`area`: that of the file without a variation; a missing triangle changes it."""
+def is_right(report, positions, area=None, painted_as=None):
+    """`area`: that of the file without a variation; a missing triangle changes it. `painted_as`: the points of the painted file without one."""
+    if painted_as is not None:
+        return numpy.array_equal(positions, painted_as)
     away = numpy.min([numpy.abs(numpy.linalg.norm(positions - c, axis=1) - r) for c, r in BALLS], axis=0)
     return away.max() < AWAY and abs(report["surface"]["area"] / (area or AREA) - 1) < (SAME_AREA["mesh" in report["surface"]] if area else OF_AREA)
 
 
-def judge(worker, write, usual, area=None):
+def judge(worker, write, usual, area=None, painted_as=None):
     """`right`, `warned`, `refused`, or a fault: `wrong` points without a new warning, `crashed`."""
     report, message, positions = run(worker, write)
     if report is None:
         return ("refused" if '"code"' in message or "input" in message else "crashed"), message
-    if is_right(report, positions, area):
+    if is_right(report, positions, area, painted_as):
         return "right", ""
     new = [w for w in report["surface"]["warnings"] if w not in usual and "walls thinner" not in w]  # which says nothing of the file
     return ("warned", new[0]) if new else ("wrong", f"area {report['surface']['area']:.5g}")
@@ -866,13 +1027,14 @@ def chosen(seed, count, names=None):
 def judged(worker, seed, count, names=None, report=print):
     """Runs variations; [(format, field, way, verdict)]. Reports the faults."""
     bases, picked = chosen(seed, count, names)
-    usual, area, found = {}, {}, []
+    usual, area, exact, found = {}, {}, {}, []
     for name, _, _, write in bases:
         base, message, positions = run(worker, write)
         assert base is not None and is_right(base, positions), (name, message, base and base["surface"])
         usual[name], area[name] = base["surface"]["warnings"], base["surface"]["area"]
+        exact[name] = positions if name.startswith("painted") else None
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]]), picked)
+        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]], exact[v[0]]), picked)
         for (name, field, way, _), (verdict, why) in zip(picked, verdicts):
             found.append((name, field, way, verdict))
             if verdict in FAULTS:

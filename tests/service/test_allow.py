@@ -287,14 +287,19 @@ def test_a_failing_systemctl_is_named_and_the_other_command_runs(host, verbs):
     host.expect("--allow", HERE)
 
 
-OPEN_PORT = ["daemon-reload", "stop hexad.service hexad.socket", "start hexad.socket"]
+OPEN_PORT = ["daemon-reload", "stop hexad.service hexad.socket", "start hexad.socket hexad.service"]
+OTHER = "daemon"  # a user of every Debian
+
+
+def users_of(tokens):
+    return [line.split()[1] for line in tokens.read_text().splitlines() if line[0] != "#"]
 
 
 def test_open_port_serves_the_page_with_a_first_token(host, source):
     tokens, drop_in = host.root / "tokens", host.units / "hexad.socket.d/tcp.conf"
-    shown = host.expect("--token_file", tokens, "--open-port", "alice")
+    shown = host.expect("--token_file", tokens, "--open-port", HERE)
     token = shown.splitlines()[0]
-    assert token.startswith("hexad_") and " alice read,submit,cancel " in tokens.read_text()
+    assert token.startswith("hexad_") and f" {HERE} read,submit,cancel " in tokens.read_text()
     assert host.calls() == OPEN_PORT and drop_in.stat().st_mode & 0o777 == 0o644
     example = (source / "systemd/examples/tcp.conf").read_text()
 
@@ -302,21 +307,38 @@ def test_open_port_serves_the_page_with_a_first_token(host, source):
         return [line for line in text.splitlines() if line and not line.startswith("#")]
 
     assert settings(drop_in.read_text()) == settings(example)
+    assert all(f"systemctl {words}\n" in example for words in OPEN_PORT)
     assert "open http://127.0.0.1:8642/ in a browser of this machine" in shown
     drop_in.write_text(example.replace("8642", "9000"))  # an administrator's own
-    again = host.expect("--token_file", tokens, "--open-port", "bob")
-    assert "exists already" in again and "8642" not in again and host.calls() == [] and "9000" in drop_in.read_text()
-    assert [line.split()[1] for line in tokens.read_text().splitlines() if line[0] != "#"] == ["alice", "bob"]
+    again = host.expect("--token_file", tokens, "--open-port", OTHER)
+    assert "exists already" in again and "8642" not in again and "9000" in drop_in.read_text()
+    assert host.calls() == OPEN_PORT[-1:] and "open http://127.0.0.1:9000/ in a browser" in again
+    assert users_of(tokens) == [HERE, OTHER]
 
 
-def test_open_port_refuses_what_is_no_user_and_names_failures(host):
-    tokens, drop_in = host.root / "tokens", host.units / "hexad.socket.d/tcp.conf"
-    done = host.hexad("--token_file", tokens, "--open-port", "a b")
-    assert done.returncode == 2 and not drop_in.exists() and host.calls() == [] and not tokens.exists()
+def test_open_port_again_adds_no_token_and_starts_the_service(host):
+    tokens = host.root / "tokens"
+    host.expect("--token_file", tokens, "--open-port", HERE)
+    host.calls()
+    before = tokens.read_bytes()
+    again = host.expect("--token_file", tokens, "--open-port", HERE)
+    assert f"{HERE} has 1 token already" in again and "open http://127.0.0.1:8642/ in a browser" in again
+    assert tokens.read_bytes() == before and host.calls() == OPEN_PORT[-1:]
+
+
+@pytest.mark.parametrize("name", ["a b", "nosuchuser", "@" + GROUP])
+def test_open_port_refuses_what_is_no_user(host, name):
+    tokens = host.root / "tokens"
+    done = host.hexad("--token_file", tokens, "--open-port", name)
+    assert done.returncode == 2 and name in done.stderr and not done.stdout
+    assert not (host.units / "hexad.socket.d").exists() and host.calls() == [] and not tokens.exists()
+
+
+def test_open_port_names_a_command_that_fails(host):
     (host.root / "bin/fails").write_text("start\n")
-    done = host.hexad("--token_file", tokens, "--open-port", "alice")
-    assert done.returncode == 1 and "`systemctl start hexad.socket` failed" in done.stderr, done.stderr
-    assert host.calls() == OPEN_PORT
+    done = host.hexad("--token_file", host.root / "tokens", "--open-port", HERE)
+    assert done.returncode == 1 and "`systemctl start hexad.socket hexad.service` failed" in done.stderr, done.stderr
+    assert "`systemctl reset-failed hexad.service hexad.socket`" in done.stderr and host.calls() == OPEN_PORT
 
 
 @pytest.mark.parametrize("systemd", ["has no unit", "does not answer"])
@@ -500,22 +522,43 @@ def test_hexadctl_names_the_command_that_grants_access(build, public_directory):
         assert told.returncode == 3 and "directory" in told.stderr and "start hexad" not in told.stderr
 
 
-def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path):
-    told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], capture_output=True, text=True)
-    assert told.returncode == 3 and "start hexad" in told.stderr and "`hexad --state_dir DIR &`" in told.stderr
+RESET = "`systemctl reset-failed hexad.service hexad.socket`"
 
 
-def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path):
+def with_units(tmp_path, installed):
+    """The environment of a machine where systemd has the units of hexad, or not."""
+    units = tmp_path / "units"
+    units.mkdir()
+    if installed:
+        (units / "hexad.socket").touch()
+    return {**os.environ, "SYSTEMD_UNIT_PATH": f"{tmp_path}/none:{units}"}
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_hexadctl_asks_for_a_start_where_nothing_answers(build, tmp_path, installed):
+    told = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none", "list"], env=with_units(tmp_path, installed),
+                          capture_output=True, text=True)
+    assert told.returncode == 3 and "start hexad" in told.stderr
+    for words in "`systemctl start hexad.socket hexad.service`", "`journalctl -u hexad -n 20`", RESET:
+        assert (words in told.stderr) == installed, told.stderr
+    for words in "`hexad --state_dir DIR &`", "install the package hexad":
+        assert (words in told.stderr) != installed, told.stderr
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_hexadctl_ends_with_status_3_if_a_start_fails_while_it_waits(build, tmp_path, installed):
     """systemd listens, does not answer for a service that fails, then closes the socket."""
     where = tmp_path / "hexad.sock"
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(where))
         listening.listen()
-        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], stderr=subprocess.PIPE, text=True)
+        waiting = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "list"], env=with_units(tmp_path, installed),
+                                   stderr=subprocess.PIPE, text=True)
         accepted, _ = listening.accept()
         assert accepted.recv(1)
         accepted.close()
     told = waiting.communicate(timeout=PATIENCE_S)[1]
-    assert waiting.returncode == 3 and "Connection reset by peer" in told, told
+    assert waiting.returncode == 3 and "Connection reset by peer: hexad ended" in told, told
+    assert ("`journalctl -u hexad -n 20` says why" in told) == installed and (RESET in told) == installed, told
     after = subprocess.run([build / "hexadctl", "--server", f"unix:{where}", "list"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert after.returncode == 3 and "cannot connect (Connection refused): start hexad" in after.stderr

@@ -71,6 +71,11 @@ def test_a_frame_number_is_written_as_in_houdini(service, build, footage, tmp_pa
     sent = subprocess.run([build / "hexadctl", "upload", footage / "a.$F4.vdb"], env=service.environment(), text=True,
                           capture_output=True, timeout=PATIENCE_S)
     assert sent.returncode == 0 and len(sent.stdout.splitlines()) == 3, sent.stderr
+    # what the command says about one job for all of them is true
+    names = json.dumps(sent.stdout.split())
+    advised = json.loads("{" + sent.stderr.split("queue.files: ")[1].replace('["sha256:....vdb", ...]', names) + "}")
+    done = service.wait_state(service.submit({"version": 1, "sampling": {"count": 50}, "output": {"preview": False}, **advised}), "succeeded")
+    assert done["tasks"]["all"] == 3
 
 
 def test_all_frames_are_those_of_the_files_at_the_submission(new_service, footage, tmp_path):

@@ -2,6 +2,8 @@
 """The place of each point on the mesh of its surface, and its evaluation on other frames of the mesh, held against an evaluation with
 numpy from the numbers in the files."""
 import json
+import re
+import shlex
 import subprocess
 
 import numpy
@@ -287,8 +289,8 @@ def test_points_without_places_are_refused(worker, sample, attach, tmp_path):
     bars.write(tmp_path / "bar.obj", rest, faces)
     sample({"mesh": {"path": "bar.obj"}}, attributes=[])
     told, _ = attach("bar.obj", code=3)
-    assert told["code"] == "attribute_missing" and told["message"].endswith(
-        'sample it again with attributes [{"from": "geometry", "name": "source"}]')
+    assert told["code"] == "attribute_missing"
+    assert """sample it again with --set '/attributes=[{"from":"geometry","name":"source"}]'""" in told["message"]
     done = worker({"version": 1, "surface": {"mesh": {"path": "bar.obj"}}, "sampling": {"attach": "out/points.ply"},
                    "output": {"preview": False}}, output="moved")
     told = json.loads(done.stderr.splitlines()[-1])
@@ -379,7 +381,7 @@ def test_hexadctl_attaches_the_points_of_a_job_to_all_frames(animated, hexadctl,
     assert numpy.linalg.norm(positions(after) - positions(before), axis=1).max() < 1e-9
 
 
-def test_hexadctl_says_why_points_cannot_be_attached(animated, hexadctl):
+def test_hexadctl_says_why_points_cannot_be_attached(animated, hexadctl, tmp_path):
     mesh = animated.where / "bar.0002.obj"
     done = hexadctl("attach", animated.job_id)
     assert done.returncode == 2 and "ID and PATH are required" in done.stderr
@@ -393,7 +395,10 @@ def test_hexadctl_says_why_points_cannot_be_attached(animated, hexadctl):
                                "output": {"preview": False}})
     animated.wait_state(without, "succeeded")
     done = hexadctl("attach", without, mesh, "--label", "without")
-    assert done.returncode == 2 and "its points have no attribute source: sample it again" in done.stderr
+    assert done.returncode == 2 and "its points have no attribute source: sample it again with --set" in done.stderr
+    assignment = shlex.split(re.search(r"--set ('[^']*')", done.stderr)[1])[0]
+    done = hexadctl("sample", mesh, "--count", 100, "--set", assignment, "--output", tmp_path / "with")
+    assert done.returncode == 0 and "source_face" in read_columns((tmp_path / "with/points.ply").read_bytes()), done.stderr
     assert json.loads(hexadctl("list", "--label", "without", "--json").stdout)["jobs"] == []
 
 

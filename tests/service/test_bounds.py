@@ -6,6 +6,7 @@ HEXAD_BOUNDS_JOBS and HEXAD_BOUNDS_MIB set the size of the last test (make check
 import collections
 import hashlib
 import os
+import re
 import shutil
 
 import pytest
@@ -116,6 +117,14 @@ def test_the_client_tells_the_usage(new_service):
     service.wait_state(service.submit(small(1)), "succeeded")
     code, out, _ = control(service, "usage")
     assert code == 0 and "of 3.0" in out.splitlines()[1] and len(out.splitlines()) == 3
+    # uploads: of all users and of the caller, whose last result is deleted
+    content = bytes(3 << 20)
+    assert service.request("PUT", f"/v1/inputs/{hashlib.sha256(content).hexdigest()}", content).status == 201
+    service.request("DELETE", f"/v1/jobs/{service.get('/v1/jobs').json['jobs'][0]['id']}")
+    code, out, _ = control(service, "usage")
+    title, whole, own = (re.split(r" {2,}", line.strip()) for line in out.splitlines())
+    assert title == ["MIB", "RESULTS", "UPLOAD_MIB", "USER"]
+    assert whole[2].startswith("3.0 of ") and own[2].startswith("3.0 of ") and own[1] == "0"
 
 
 @pytest.mark.sanitized

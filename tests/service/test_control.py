@@ -485,10 +485,14 @@ def test_the_client_does_all_that(new_service, tmp_path):
     at = service.options.index("--listen")
     del service.options[at:at + 2]
     service.start()
-    first, second = service.submit(sphere()), service.submit(sphere())
+    first, second = service.submit(sphere(name="one of two")), service.submit(sphere())
     service.wait_worker(first)
+    running = wait_until(lambda: (found := service.get("/v1/workers").json["workers"][0])["host"] and found, "the host")
     code, out, _ = control(service, "workers")
-    assert code == 0 and "1 of 1 attempts" in out and first in out
+    head, titles, row = out.splitlines()
+    assert code == 0 and "1 of 1 attempts" in head and titles.split() == ["JOB", "ATTEMPT", "USER", "NAME", "HOST", "THREADS", "MEMORY"]
+    assert re.split("  +", row) == [first, "1", running["owner"], "one of two", running["host"], str(running["threads"]),
+                                    f"{running['memory_mb']} MiB"]
     assert control(service, "pause", second)[1].split()[:2] == [second, "paused"]
     assert control(service, "resume", second)[1].split()[:2] == [second, "queued"]
     assert control(service, "priority", second)[0] == 2
@@ -501,9 +505,10 @@ def test_the_client_does_all_that(new_service, tmp_path):
     assert control(service, "delete", second)[0] == 0
     assert control(service, "show", second)[0] == 4
     code, out, _ = control(service, "drain")
-    assert code == 0 and out.startswith("1 attempt runs\n") and "drained the service" in out and service.get("/readyz").status == 503
+    assert code == 0 and out.startswith("1 attempt runs\n") and "accepts no jobs until it is restarted: run hexadctl undrain\n" in out and service.get("/readyz").status == 503
     code, out, _ = control(service, "undrain")
     assert code == 0 and out.startswith("the drain is ended: the service accepts jobs\n1 attempt runs\n") and service.get("/readyz").status == 200
+    assert control(service, "undrain")[1] == "the service was not drained: it accepts jobs\n1 attempt runs\n"
     service.open_gate(first)
     code, out, _ = control(service, "watch", first)
     events = [json.loads(line) for line in out.splitlines()]

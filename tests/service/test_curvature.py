@@ -59,6 +59,22 @@ def test_coarse_quads_have_the_curvature_of_the_torus_at_any_count(sample, tmp_p
     assert (columns["kappa_defined"] == 1).all() and numpy.median(off) < 0.05 and off.max() < 0.1
 
 
+@pytest.mark.parametrize("surface", [SOLID, {"mesh": {"path": "torus.ply", "resolution": 64}},
+                                     {"union": [SOLID, {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 0.5}}]}],
+                         ids=["mesh", "level set", "union"])
+@pytest.mark.parametrize("properties, more", [("minimal", {}), (["nx", "spacing"], {}), (["kappa1"], {}), (["kappa_defined"], {}), ("blender", {}),
+                                              (["energy", "d_x"], {"attributes": [{"from": "geometry", "name": "direction1", "as": "d"}]})],
+                         ids=str)
+def test_columns_do_not_depend_on_which_others_are_chosen(sample, tmp_path, surface, properties, more):
+    """The curvature is computed if a column needs it."""
+    bars.write(tmp_path / "torus.ply", *torus(40, 20))
+    every, whole = sample(surface, 500, {"ply": {"precision": "double"}}, **more)
+    chosen, report = sample(surface, 500, {"ply": {"precision": "double", "properties": properties}}, where="chosen", **more)
+    assert {"x", "y", "z"} <= set(chosen) and report["quality"] == whole["quality"]
+    for name in set(chosen) & set(every):
+        assert (chosen[name] == every[name]).all(), name
+
+
 def test_values_of_few_and_of_many_points_agree(sample, tmp_path):
     bars.write(tmp_path / "torus.ply", *torus(40, 20))
     few, _ = sample(SOLID, 500)

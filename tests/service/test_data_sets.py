@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import warnings
 
 import numpy
 import pytest
@@ -306,6 +307,25 @@ def test_hexadctl_submits_a_pattern_and_stacks_the_points(new_service, build, ro
         assert stack["positions"].shape == (2, 40, 3) and stack["frames"].tolist() == [0, 2]
         assert stack["names"].tolist() == ["meshes/a.off", "meshes/b.off"] and stack["missing"].tolist() == ["meshes/none.off"]
     assert client_of(service).job(partly).stack().missing == ["meshes/none.off"]
+
+
+@pytest.mark.parametrize("radii, differ", [((0.3, 0.6), True), ((0.3, 0.3), False)])
+def test_a_stack_warns_if_rows_are_not_the_same_points(new_service, build, tmp_path, radii, differ):
+    service = new_service().start()
+    spec = {"version": 1, "surface": {"analytic": {"shape": "torus", "major_radius": 1, "minor_radius": 0.3}}, "sampling": {"count": 300},
+            "output": {"preview": False, "order": "id"},
+            "queue": {"frames": "1-2", "coherent": True, "by_frame": {"/surface/analytic/minor_radius": list(radii)}}}
+    job = service.submit(spec)
+    service.wait_state(job, "succeeded")
+    done = subprocess.run([build / "hexadctl", "fetch", job, "--stack", tmp_path / "all.npz"], env=service.environment(),
+                          text=True, capture_output=True, timeout=PATIENCE_S)
+    with numpy.load(tmp_path / "all.npz") as stack:
+        assert (stack["id"][0] != stack["id"][1]).any() == differ
+    assert done.returncode == 0 and ("match rows by id, or use hexadctl attach" in done.stderr) == differ, done.stderr
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        client_of(service).job(job).stack()
+    assert [w.category for w in caught] == [hexad.RowWarning] * differ
 
 
 def test_unequal_numbers_of_points_name_their_files(new_service, build, root, tmp_path):

@@ -326,7 +326,7 @@ def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[0, 0, 0] = numpy.inf
     e, _ = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
-    assert e["code"] == "no_surface" and f"lowest value, {values.min():g}, and its highest, {values[1:].max():g}" in e["message"], e
+    assert e["code"] == "no_surface" and f"above its lowest value, {values.min():g}, and below its highest, {values[1:].max():g}" in e["message"], e
 
 
 @pytest.mark.sanitized
@@ -568,7 +568,34 @@ def test_of_several_volumes_one_is_chosen(sample, tmp_path):
 def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES["plain"]), MATRICES["plain"])
     e, _ = sample(tmp_path / "v.nrrd", isovalue=3.0)
-    assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue between" in e["message"]
+    assert e["code"] == "no_surface" and "isovalue 3: choose an isovalue above" in e["message"]
+
+
+@pytest.mark.parametrize("at_the_end", [False, True])
+def test_the_value_of_the_background_is_no_isovalue(sample, tmp_path, at_the_end):
+    values = numpy.full(SIZE, 120, "u1")
+    values[:2 if at_the_end else 8] = 0  # one voxel of zeros beside the end of the data, or more
+    values[-3:] = 200
+    write_nifti(tmp_path / "a.nii", values)
+    told, _ = sample(tmp_path / "a.nii", 0)
+    assert told["code"] == "no_surface"
+    assert "no surface at isovalue 0: in 100 % of the cells" in told["message"] and "Try 0.5" in told["message"]
+    told, points = sample(tmp_path / "a.nii", 0.5)
+    assert points is not None
+    write_nifti(tmp_path / "b.nii", values.astype("f4") / 3 + numpy.float32(0.25))
+    told, _ = sample(tmp_path / "b.nii", 0.25)
+    assert "Choose an isovalue above 0.25 and below 66.9" in told["message"]
+
+
+def test_labels_are_advised_for_a_mask_with_walls_of_a_voxel(sample, tmp_path):
+    rough = (ndimage.gaussian_filter(numpy.random.default_rng(4).normal(size=(30, 30, 30)), 1) > 0.25).astype("u1")
+    codes = {}
+    for name, values in (("mask", 255 * rough), ("levels", 255 * rough - rough * numpy.indices(rough.shape)[0].astype("u1"))):
+        write_nrrd(tmp_path / f"{name}.nrrd", values.astype("u1"), MATRICES["plain"])
+        report, _ = sample(tmp_path / f"{name}.nrrd", 127.5)
+        assert report["outcome"] != "converged"
+        codes[name] = [a["code"] for a in report["advice"] if "/surface/labels" in a["message"]]
+    assert codes == {"mask": ["mask"], "levels": []}
 
 
 @pytest.mark.sanitized

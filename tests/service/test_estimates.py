@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a job would take: told by the worker, and by the service to who has a spec checked."""
 import json
+import re
 import threading
 
 import numpy
@@ -64,6 +65,28 @@ def test_its_memory_is_that_of_the_job(estimate, worker, request, tmp_path, name
     assert worker(spec).returncode in (0, 10, 11)
     peak = json.loads((tmp_path / "out" / "report.json").read_text())["peak_memory_bytes"]
     assert 0.85 * peak - 2 ** 21 < told < 1.6 * peak + 2 ** 21, (told, peak)
+
+
+@pytest.mark.extended  # some seconds
+@pytest.mark.parametrize("kind", ["formula", "volume", "mesh"])
+def test_the_memory_that_a_message_requests_is_needed_and_suffices(worker, tmp_path, kind):
+    """The peak is at most the requested limit, and the limit at most 1.5 times the peak."""
+    (tmp_path / "octahedron.off").write_text(OCTAHEDRON)
+    surface = {"formula": lambda: TORUS, "volume": lambda: write_volume(tmp_path / "ball.nrrd"),
+               "mesh": lambda: {"mesh": {"path": str(tmp_path / "octahedron.off")}}}[kind]()
+    spec = sphere(surface=surface, sampling={"count": 500000}, output={"preview": False},
+                  solver={"threads": 1, "max_sweeps": 10}, limits={"memory_mb": 64})
+    while True:
+        done = worker(spec)
+        if done.returncode in (0, 10, 11):
+            break
+        told = last_words(done)
+        assert told["code"] == "limit_memory", told
+        found = re.search(r"set it to at least (\d+)", told["message"])
+        spec["limits"]["memory_mb"] = int(found[1]) if found else spec["limits"]["memory_mb"] + 16
+    limit = spec["limits"]["memory_mb"] * 2 ** 20
+    peak = json.loads((tmp_path / "out" / "report.json").read_text())["peak_memory_bytes"]
+    assert peak <= limit <= 1.5 * peak, (peak, limit)
 
 
 @pytest.mark.sanitized

@@ -1,39 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """GIfTI surfaces as meshes: what the process that reads answers, for each way of storing the same mesh, and what is refused."""
-import base64
 import json
-import zlib
 
 import numpy
 import pytest
 
+from gifti_files import IDENTITY, array, write
 from pyramid import AREA, POINTS, assert_pyramid
 
 TRIANGLES = numpy.array([[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
-TYPES = {"f4": "NIFTI_TYPE_FLOAT32", "f8": "NIFTI_TYPE_FLOAT64", "i4": "NIFTI_TYPE_INT32", "i8": "NIFTI_TYPE_INT64", "u1": "NIFTI_TYPE_UINT8"}
-
-
-def array(intent, values, encoding="GZipBase64Binary", big=False, by_column=False, matrix=IDENTITY, **changes):
-    order = ">" if big else "<"
-    flat = values.flatten(order="F" if by_column else "C")
-    data = flat.astype(order + values.dtype.str[1:]).tobytes()
-    text = {"ASCII": lambda: " ".join(map(repr, flat.tolist())), "Base64Binary": lambda: base64.b64encode(data).decode(),
-            "GZipBase64Binary": lambda: base64.b64encode(zlib.compress(data)).decode(), "ExternalFileBinary": str}[encoding]()
-    attributes = {"Intent": f"NIFTI_INTENT_{intent}", "DataType": TYPES[values.dtype.str[1:]],
-                  "ArrayIndexingOrder": "ColumnMajorOrder" if by_column else "RowMajorOrder", "Dimensionality": values.ndim,
-                  **{f"Dim{k}": n for k, n in enumerate(values.shape)}, "Encoding": encoding,
-                  "Endian": "BigEndian" if big else "LittleEndian", "ExternalFileName": "", "ExternalFileOffset": 0, **changes}
-    system = "" if intent != "POINTSET" else (
-        "<CoordinateSystemTransformMatrix><DataSpace><![CDATA[NIFTI_XFORM_UNKNOWN]]></DataSpace><TransformedSpace>"
-        f"<![CDATA[NIFTI_XFORM_TALAIRACH]]></TransformedSpace><MatrixData>{matrix}</MatrixData></CoordinateSystemTransformMatrix>")
-    words = " ".join(f'{k}="{v}"' for k, v in attributes.items())
-    return f"<DataArray {words}><MetaData></MetaData>{system}<Data>{text}</Data></DataArray>\n"
-
-
-def write(path, *arrays, doctype='<!DOCTYPE GIFTI SYSTEM "http://www.nitrc.org/frs/download.php/115/gifti.dtd">'):
-    path.write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{doctype}\n<GIFTI Version="1.0" NumberOfDataArrays="{len(arrays)}">\n'
-                    + "<MetaData></MetaData><LabelTable></LabelTable>\n" + "".join(arrays) + "</GIFTI>\n")
 
 
 def surface(points="f4", triangles="i4", **how):
@@ -64,14 +39,27 @@ def test_a_transform_is_a_warning(mesh_reader, tmp_path):
     assert text == 'the GIfTI file has a transform to "NIFTI_XFORM_TALAIRACH", which is not applied: points are in its data space, "NIFTI_XFORM_UNKNOWN"'
 
 
-@pytest.mark.parametrize("declared", [1, 3, 0])
+@pytest.mark.parametrize("matrix", [IDENTITY.replace("1", "1,5", 1), IDENTITY[2:], IDENTITY + " 0", IDENTITY.replace("0", "nan", 1)])
+def test_a_matrix_that_is_not_understood_is_a_warning(mesh_reader, tmp_path, matrix):
+    write(tmp_path / "a.gii", *surface(matrix=matrix))
+    assert "has a transform" in mesh_reader(tmp_path / "a.gii")[2]
+
+
+def test_each_transform_is_looked_at(mesh_reader, tmp_path):
+    points, triangles = surface(matrix=IDENTITY.replace("0", "2", 1))
+    begin, end = points.index("<Coord"), points.index("<Data>")
+    write(tmp_path / "a.gii", points[:end] + surface()[0][begin:], triangles)
+    assert "has a transform" in mesh_reader(tmp_path / "a.gii")[2]
+
+
+@pytest.mark.parametrize("declared", [1, 3, 0, "2x", "2,5", ""])
 def test_a_number_of_arrays_that_the_file_does_not_have_is_a_warning(mesh_reader, tmp_path, declared):
     write(tmp_path / "a.gii", *surface())
     path = tmp_path / "a.gii"
     path.write_text(path.read_text().replace('NumberOfDataArrays="2"', f'NumberOfDataArrays="{declared}"'))
     answer = mesh_reader(path)
     assert_pyramid((answer[0], answer[1], "", answer[3]))
-    assert f"NumberOfDataArrays is {declared}, and the file has 2" in answer[2], answer[2]
+    assert f'NumberOfDataArrays is "{declared}", and the file has 2' in answer[2], answer[2]
 
 
 def test_as_a_job_and_as_an_inspection(solve, worker, tmp_path):
@@ -96,6 +84,10 @@ FAULTS = {
     "an encoding": ([POINTS_OF, array("TRIANGLE", TRIANGLES.astype("i4"), Encoding="Hex")], 'has the Encoding "Hex"'),
     "a size": ([array("POINTSET", POINTS.astype("f4"), Dim0=2000000000), TRIANGLES_OF], "has 6000000000 values, and its data have"),
     "a side": ([array("POINTSET", POINTS.astype("f4"), Dim0=-3), TRIANGLES_OF], 'the Dim0 "-3"'),
+    "a number of axes": ([array("POINTSET", POINTS.astype("f4"), Dimensionality="2,5"), TRIANGLES_OF], "not rows of three numbers"),
+    "an order": ([array("POINTSET", POINTS.astype("f4"), ArrayIndexingOrder="Diagonal"), TRIANGLES_OF], 'array 0 of the GIfTI file has the ArrayIndexingOrder "Diagonal"'),
+    "a byte order": ([POINTS_OF, array("TRIANGLE", TRIANGLES.astype("i4"), Endian="MiddleEndian")], 'array 1 of the GIfTI file has the Endian "MiddleEndian"'),
+    "data twice": ([POINTS_OF.replace("</Data>", "</Data><Data>eJw=</Data>"), TRIANGLES_OF], "array 0 of the GIfTI file has its data twice"),
     "axes": ([array("POINTSET", POINTS.astype("f4"), Dimensionality=7), TRIANGLES_OF], "not rows of three numbers"),
 }
 
@@ -127,6 +119,55 @@ def test_data_of_fewer_numbers(mesh_reader, tmp_path, encoding):
     write(tmp_path / "a.gii", array("POINTSET", POINTS.astype("f4"), encoding, Dim0=6), surface(encoding=encoding)[1])
     answer = mesh_reader(tmp_path / "a.gii")
     assert isinstance(answer, str) and "array 0 of the GIfTI file (NIFTI_INTENT_POINTSET)" in answer and "Save it again" in answer, answer
+
+
+# ---- values of points
+
+RNG = numpy.random.default_rng(5)
+VALUES = {"thickness": RNG.random(5).astype("f4"), "a direction": RNG.random((5, 3)).astype("f8"), "region": RNG.integers(0, 99, 5).astype("i4"),
+          "column": RNG.random((5, 1)).astype("f4")}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("by_column", [False, True])
+@pytest.mark.parametrize("encoding", ["ASCII", "Base64Binary", "GZipBase64Binary"])
+def test_values_of_points(mesh_reader, tmp_path, encoding, by_column):
+    how = {"encoding": encoding, "by_column": by_column, "big": by_column}
+    thickness, direction, region, column = (array("LABEL" if name == "region" else "SHAPE", values, name=name, **how) for name, values in VALUES.items())
+    write(tmp_path / "a.gii", thickness, *surface(**how), direction, array("TENSOR", RNG.random((5, 9)).astype("f4")), region, column,
+          array("NONE", numpy.arange(5, dtype="f4")))
+    *mesh, found = mesh_reader(tmp_path / "a.gii", "read-mesh-values")
+    assert_pyramid(mesh)
+    expected = {**VALUES, "array 7": numpy.arange(5)}
+    assert {name: kind for name, (kind, _) in found.items()} == {name: "whole" if name == "region" else "number" for name in expected}
+    for name, (_, values) in found.items():
+        assert values == pytest.approx(expected[name].reshape(5, -1), rel=1e-6), name
+
+
+VALUE_FAULTS = {
+    "fewer values": (array("SHAPE", numpy.arange(4, dtype="f4"), name="t"), "array 2 of the GIfTI file (t) does not have a row of numbers for each of the 5 points"),
+    "a type": (array("SHAPE", numpy.arange(5, dtype="f4"), DataType="NIFTI_TYPE_RGBA32"), "array 2 of the GIfTI file (array 2) does not have a row of numbers"),
+    "fewer data": (array("SHAPE", numpy.arange(5, dtype="f4"), "ASCII").replace("3.0 4.0", "3.0"), "array 2 of the GIfTI file (array 2) has 4 numbers, and 5 are expected"),
+    "points that are listed": (array("NODE_INDEX", numpy.arange(5, dtype="i4")), "values of some points (NIFTI_INTENT_NODE_INDEX)"),
+    "another file": (array("SHAPE", numpy.arange(5, dtype="f4"), "ExternalFileBinary"), "array 2 of the GIfTI file has its data in another file"),
+}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("fault", VALUE_FAULTS)
+def test_values_that_are_damaged_are_refused_where_they_are_requested(mesh_reader, tmp_path, fault):
+    values, words = VALUE_FAULTS[fault]
+    write(tmp_path / "a.gii", *surface(), values)
+    answer = mesh_reader(tmp_path / "a.gii", "read-mesh-values")
+    assert isinstance(answer, str) and words in answer, answer
+    assert_pyramid(mesh_reader(tmp_path / "a.gii"))
+
+
+def test_values_alone_name_the_remedy(solve, tmp_path):
+    write(tmp_path / "a.surf.gii", *surface())
+    write(tmp_path / "a.func.gii", array("SHAPE", numpy.ones(5, "f4")))
+    error, none = solve({"version": 1, "surface": {"mesh": {"path": "a.surf.gii"}}, "sampling": {"count": 40, "grid": {"path": "a.func.gii", "name": "array 0"}}})
+    assert none is None and error["code"] == "input_unsupported" and "Append the arrays of values to that file" in error["message"], error
 
 
 @pytest.mark.extended

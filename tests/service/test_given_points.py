@@ -368,6 +368,17 @@ def test_a_distance_that_leaves_nothing_is_refused(refuse, tmp_path):
 GOOD = numpy.ones((2, 3))
 
 
+@pytest.mark.parametrize("names, code, words", [(("position.npy", "points.npy"), "input_unsupported", 'an array "position" and an array "points"'),
+                                                (("position.npy", "position.npy"), "input_damaged", 'array "position" of the NPZ file is there twice')])
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_archives_with_two_arrays_of_points_are_refused(refuse, tmp_path, names, code, words):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for k, name in enumerate(names):
+            archive.writestr(name, npy((k + 1) * GOOD))
+    error = refuse(job(100, tmp_path / "a.npz"))
+    assert error["code"] == code and words in error["message"], error
+
+
 @pytest.mark.sanitized
 @pytest.mark.parametrize("name, data, code, words", [
     ("positions.npy", npy(GOOD), "input_unsupported", '"position" or "points"'),

@@ -9,6 +9,7 @@ import pty
 import re
 import resource
 import select
+import shutil
 import signal
 import subprocess
 import threading
@@ -118,6 +119,31 @@ def test_fetch_refuses_a_directory_with_another_result(run, tmp_path, service):
     assert json.loads((tmp_path / "elsewhere/report.json").read_text())["count"] == 201
 
 
+def test_a_fetch_by_name_writes_to_the_name(run, tmp_path, service):
+    def submit(count, **parts):
+        return run("submit", write(tmp_path, {**sphere(count=count), "name": "ball", **parts}), "--wait").stdout.split()[0]
+    first = submit(200)
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists()
+    again = run("fetch", "ball")
+    assert again.returncode == 0 and "files were there already" in again.stderr and not (tmp_path / first).exists()
+    (tmp_path / "ball" / "report.json").unlink()  # as of a fetch that was interrupted
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists() and not (tmp_path / first).exists()
+    assert run("delete", first).returncode == 0
+    second = submit(201)
+    before = (tmp_path / "ball" / "report.json").read_bytes()
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / second / "report.json").exists()
+    assert (tmp_path / "ball" / "report.json").read_bytes() == before
+    assert run("fetch", "latest").returncode == 0
+    shutil.rmtree(tmp_path / "ball")
+    shutil.rmtree(tmp_path / second)
+    assert run("fetch", second).returncode == 0 and not (tmp_path / "ball").exists()
+    assert run("delete", second).returncode == 0
+    frames = submit(100, queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}})
+    for _ in range(2):
+        assert run("fetch", "ball").returncode == 0 and not (tmp_path / frames).exists()
+    assert (tmp_path / "ball" / "2" / "report.json").exists()
+
+
 def test_fetch_before_the_end_names_the_command_that_waits(run, service):
     job = service.submit(long_sphere())
     service.wait_worker(job)
@@ -205,6 +231,10 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
         assert f"outcome: {reason['message']}\n" in told and f" {100 * reason['value']:.3g} % " in reason["message"]
         assert f"warning: {notes['warnings'][0]}\n" in told and f"advice: {notes['advice'][0]['message']}\n" in told
     rated = notes["ratings"]["hex_fraction"]
+    found = service.get(f"/v1/jobs/{job['id']}/results/report.json").json
+    size = f"100 points, spacing {found['spacing']:.3g}\n"
+    assert notes["count"] == found["count"] == 100 and notes["spacing"] == found["spacing"]
+    assert f"  points    {size}" in shown and f"\n{size}" in "\n" + done.stderr
     packing = f"hex_fraction {rated['value']:.3g} {rated['rating']}, edge_cv "
     assert f"  packing   {packing}" in shown and f"packing: {packing}" in done.stderr
     spec = write(tmp_path, {**json.loads(open(spec).read()), "sampling": {"count": count}})
@@ -452,6 +482,7 @@ def test_prefixes_and_latest_name_jobs_of_the_caller(as_user, tmp_path):
     assert as_user("alice", "show", first[:20]).stdout.startswith(first)
     refused = as_user("alice", "show", other[:20])  # a job of bob's
     assert refused.returncode == 4 and f"the user alice has no job {other[:20]}" in refused.stderr
+    assert '"hexadctl list --name NAME" prints the IDs of the jobs of all users' in refused.stderr
     assert as_user("alice", "show", other).returncode == 0  # its whole id names it
     refused = as_user("alice", "show", first[:7])
     assert refused.returncode == 4 and "first 8 characters" in refused.stderr
@@ -547,6 +578,7 @@ def test_progress_of_several_jobs_names_the_job(clean_gated, build):
                           env=clean_gated.environment(), text=True) as waiting:
         assert waiting.stderr.readline() == f"{first} (shot 010): running: relax\n"
         clean_gated.open_gate(first)
+        assert waiting.stderr.readline() == f"{first}: 7 points\n"
         assert waiting.stderr.readline().startswith(f"{second}: ")
         clean_gated.open_gate(second)
         waiting.communicate(timeout=PATIENCE_S)

@@ -127,6 +127,56 @@ def test_some_frames_are_fetched(run_finished, finished, tmp_path):
 
 
 @pytest.mark.sanitized
+def test_all_jobs_with_a_label_are_fetched(run, service, tmp_path):
+    def submit(name, label="shot=010", radius=1.0, **queue):
+        job = service.submit(sphere(count=100, name=name, queue={"labels": [label], **queue},
+                                    surface={"analytic": {"shape": "sphere", "radius": radius}}))
+        service.wait_state(job, "succeeded")
+        return job
+
+    ball, first, second, slash = submit("ball"), submit("twice"), submit("twice", radius=2.0), submit("a/b")
+    frames = submit("frames", frames="1-2", by_frame={"/surface/analytic/radius": [1, 1.1]})
+    submit("other", label="shot=020")
+    done = run("fetch", "--label", "shot=010")
+    assert done.returncode == 0 and "5 of 5 jobs are fetched to shot=010\n" in done.stderr, done.stderr
+    # by name, or by id if the name is that of several jobs or is no name of a file
+    where = tmp_path / "shot=010"
+    assert {path.name for path in where.iterdir()} == {"ball", first, second, slash, "frames"}
+    assert {path.name for path in (where / "frames").iterdir()} == {"1", "2"}
+    for job, name in ((ball, "ball"), (first, first), (second, second), (slash, slash)):
+        for listed in service.get(f"/v1/jobs/{job}/results").json["results"]:
+            assert hashlib.sha256((where / name / listed["name"]).read_bytes()).hexdigest() == listed["sha256"]
+    # with --json, one document
+    done = run("fetch", "--label", "shot=010", "--json", "--output", "deep/er")
+    told = json.loads(done.stdout)
+    assert done.returncode == 0
+    assert {entry["job"]: entry["directory"] for entry in told["jobs"]} == {
+        ball: "deep/er/ball", first: f"deep/er/{first}", second: f"deep/er/{second}", slash: f"deep/er/{slash}", frames: "deep/er/frames"}
+    for words in (("fetch",), ("fetch", ball, "--label", "x"), ("fetch", ball, "--owner", "x"), ("fetch", "--label", "x", "--frame", "1"),
+                  ("fetch", "--label", "a/b")):
+        assert run(*words).returncode == 2, words
+    done = run("fetch", "--label", "none")
+    assert done.returncode == 4 and "no jobs with the label none" in done.stderr
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_job_with_a_label_that_has_no_results_is_named(new_service, build, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+    run = runner(service, build, tmp_path)
+    first, second, cancelled = (service.submit(sphere(count=100, name=name, queue={"labels": ["x"]})) for name in ("first", "second", "third"))
+    service.open_gate(first)
+    service.wait_state(first, "succeeded")
+    service.post(f"/v1/jobs/{cancelled}/cancel")
+    done = run("fetch", "--label", "x")
+    assert done.returncode == 4 and "1 of 3 jobs are fetched to x\n" in done.stderr, done.stderr
+    assert re.search(f"{second} second has not ended: (running|queued). Fetch again later\n", done.stderr), done.stderr
+    assert f"{cancelled} third has no results: cancelled" in done.stderr
+    assert [path.name for path in (tmp_path / "x").iterdir()] == ["first"]
+    service.open_gate(second)
+    service.wait_state(second, "succeeded")
+
+
+@pytest.mark.sanitized
 def test_frames_that_are_not_there_yet_or_never(finished, build, tmp_path):
     service, job = finished, finished.failed
     words = [build / "hexadctl", "fetch", job]
@@ -247,11 +297,42 @@ def test_several_files_and_the_files_of_a_pattern_are_uploaded(run, tmp_path):
     done = run("upload", names[1], names[0])
     assert done.returncode == 0 and done.stdout.split() == [paths[1], paths[0]], done.stderr
     done = run("upload", "b.####.obj")
-    assert done.returncode == 0 and done.stdout.split() == paths and "one job for each" in done.stderr
+    assert done.returncode == 0 and done.stdout.split() == paths and '"files": ["sha256:....obj", ...]' in done.stderr
     done = run("upload", "c.####.obj")
     assert done.returncode == 2 and "c.####.obj: no file matches" in done.stderr
     done = run("upload", "nowhere", names[0])
     assert done.returncode == 2 and done.stdout.split() == [paths[0]]
+
+
+@pytest.mark.sanitized
+def test_uploads_are_listed_and_deleted(run, service, tmp_path):
+    def rows():
+        """The rows of the table by name, without the title and the ages."""
+        return {row[0]: (row[1], row[4:-1], row[-1]) for row in (re.split(r"  +", line) for line in
+                                                                run("uploads").stdout.splitlines()[1:])}
+
+    for i, name in enumerate(("c.obj", "d.nii.gz", "two.obj")):
+        (tmp_path / name).write_bytes(b"%d" % i * (3 << 19))
+    paths = run("upload", "c.obj", "d.nii.gz", "two.obj").stdout.split()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "two.obj").write_text("another")
+    paths += run("upload", "other/two.obj").stdout.split()
+    listed = rows()
+    assert listed["c.obj"] == ("1.5 MiB", ["0"], paths[0]) and listed["d.nii.gz"] == ("1.5 MiB", ["0"], paths[1])
+    document = json.loads(run("uploads", "--json").stdout)
+    assert {entry["name"] for entry in document["inputs"]} >= {"c.obj", "d.nii.gz", "two.obj"}
+    # by path, with or without the extension, and by name
+    done = run("delete-upload", paths[0], "d.nii.gz", paths[2].partition(":")[2].removesuffix(".obj"))
+    assert done.returncode == 0 and done.stdout.splitlines()[:2] == [f"{paths[0]} deleted", "d.nii.gz deleted"], done.stderr
+    listed = rows()
+    assert "c.obj" not in listed and "d.nii.gz" not in listed and listed["two.obj"] == ("7 B", ["0"], paths[3])
+    assert run("upload", "two.obj").stdout.split() == [paths[2]]
+    done = run("delete-upload", "two.obj")
+    assert done.returncode == 2 and "the name of 2 uploads: give a path" in done.stderr
+    assert all(path in done.stderr for path in paths[2:]) and rows().keys() >= {"two.obj"}
+    for gone in ("c.obj", paths[0]):
+        done = run("delete-upload", gone)
+        assert done.returncode == 4 and gone.removeprefix("sha256:")[:60] in done.stderr, done.stderr
 
 
 def test_specs_are_checked_and_estimated(run, service, tmp_path):

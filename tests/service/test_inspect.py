@@ -2,7 +2,9 @@
 """A look into files: the worker alone, and the service with its rules of access."""
 import gzip
 import json
+import os
 import pathlib
+import pty
 import re
 import subprocess
 
@@ -39,6 +41,19 @@ def ball(side=24):
     x = numpy.arange(side) - (side - 1) / 2
     radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
     return numpy.clip(numpy.rint(100 * (8.5 - radius) + 0), 0, 100).astype(numpy.int16)
+
+
+def test_an_inspection_is_shown_on_a_terminal(build, tmp_path):
+    """The line is removed before the answer. Without a terminal there is none."""
+    (tmp_path / "cube.obj").write_text(CUBE)
+    words = [build / "hexad-worker", "inspect", "cube.obj"]
+    master, slave = pty.openpty()
+    done = subprocess.run(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=slave, timeout=PATIENCE_S)
+    os.close(slave)
+    shown = os.read(master, 4096)
+    os.close(master)
+    assert done.returncode == 0 and shown == b"inspecting cube.obj: all of it is read\r\x1b[K", shown
+    assert subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=PATIENCE_S).stderr == b""
 
 
 def test_a_level_set(inspect, example, worker, tmp_path):

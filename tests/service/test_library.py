@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import typing
+import warnings
 import zipfile
 
 import numpy
@@ -205,7 +206,7 @@ TWO = numpy.array([[0, 1, 2], [0, 2, 3]])
     (SQUARE, TWO + 2, "faces[0, 2] is 4"),
     (SQUARE, TWO - 1, "faces[0, 0] is -1"),
     (numpy.full_like(SQUARE, numpy.nan), TWO, "not finite"),
-    (SQUARE, TWO[:0], "no triangles"),
+    (SQUARE, TWO[:0], "faces has no rows, and vertices has 4: give the triangles"),
     (SQUARE[:0], TWO, "faces[0, 0] is 0"),
     (SQUARE, (TWO.ravel(), numpy.array([3, 4])), "counts[1] is 4"),
     (SQUARE, (TWO.ravel(), numpy.array([3, -1])), "counts[1] is -1"),
@@ -234,6 +235,8 @@ def test_a_wrong_grid_has_an_error_that_names_the_argument(path, words):
 @pytest.mark.parametrize("spec, code, words", [
     ({**formula(), "output": {"points_npz": True}}, "not_supported", "/output/points_npz"),
     ({**formula(), "output": {"directory": "/srv"}}, "not_supported", "/output/directory"),
+    ({**formula(), "output": {"ply": {"format": "ascii"}}}, "not_supported", "/output/ply/format"),
+    ({**formula(), "output": {"ply": {"properties": ["x", "warmth"]}}}, "attribute_missing", "warmth"),
     ({**formula(), "queue": {"priority": 3}}, "not_supported", "/queue"),
     ({**mesh(solid(BALL)), "attributes": [{"from": "surface", "name": "Cd"}]}, "not_supported", "has no attributes"),
     (mesh(solid(BALL), 10**8), "limit_memory", "limits.memory_mb"),
@@ -249,7 +252,7 @@ def test_specs_that_a_call_refuses(spec, code, words):
 
 def test_an_array_without_a_place_in_the_spec_is_refused(library):
     from hexad.library import Job
-    job = Job({"version": 1, **formula()})
+    job = Job(json.dumps({"version": 1, **formula()}))
     job.add_points("left over", ON_BALL)
     with pytest.raises(hexad.JobFailed, match="left over"):
         job.run(None)
@@ -387,18 +390,20 @@ def test_files_outside_the_roots_are_refused(tmp_path):
     assert found.value.code == "path_forbidden"
 
 
-def test_without_the_worker_a_file_is_an_error_with_the_reason(monkeypatch):
+def test_without_the_worker_a_file_is_an_error_with_the_reason(monkeypatch, tmp_path):
+    BALL.write(tmp_path / "ball.obj")
     monkeypatch.setenv("HEXAD_WORKER", "/none/hexad-worker")
     with pytest.raises(hexad.JobFailed, match="/none/hexad-worker, which cannot be started: No such file"):
-        hexad.sample("/some.obj", count=100)
+        hexad.sample(tmp_path / "ball.obj", count=100)
 
 
 def test_a_worker_that_dies_is_an_error(monkeypatch, tmp_path):
     (tmp_path / "dies").write_text("#!/bin/sh\nkill -9 $$\n")
     (tmp_path / "dies").chmod(0o755)
     monkeypatch.setenv("HEXAD_WORKER", str(tmp_path / "dies"))
+    BALL.write(tmp_path / "ball.obj")
     with pytest.raises(hexad.JobFailed) as found:
-        hexad.sample("/some.obj", count=100)
+        hexad.sample(tmp_path / "ball.obj", count=100)
     assert found.value.code == "internal"
 
 
@@ -489,6 +494,19 @@ def test_sample_of_arrays_of_other_types(kind):
     assert hexad.sample(values, isovalue=0.5, count=100).positions.tobytes() == expected.positions.tobytes()
 
 
+@pytest.mark.parametrize("properties, names", [
+    ("minimal", {"position", "normal"}), (["spacing"], {"position", "spacing"}), (["kappa2", "radius"], {"position", "kappa2", "radius"}),
+    (["quality", "attributes"], {"position", "kappa", "feature", "patch", "kappa_defined"}),
+    (["spacing_local", "red"], {"position", "spacing_local", "rgb"}), ("meshlab", {"position", "normal", "rgb", "radius", "kappa", "feature",
+                                                                                   "patch", "kappa_defined"})])
+def test_properties_choose_arrays_and_change_no_value(properties, names):
+    surface = solid(drum(24))
+    chosen, every = (hexad.sample(*surface, count=300, **how) for how in ({"properties": properties}, {}))
+    assert {name for name in chosen if len(name) > 2} == names
+    for name in names & set(every):
+        assert chosen[name].tobytes() == every[name].tobytes(), name
+
+
 def test_points_outlive_the_call():
     import gc
     positions = hexad.sample(*solid(BALL), count=300).positions
@@ -499,10 +517,21 @@ def test_points_outlive_the_call():
 
 
 @pytest.mark.parametrize("call, words", [
-    (lambda: hexad.sample(*solid(BALL), cont=10), "cont is a member neither"),
+    (lambda: hexad.sample(*solid(BALL), cuont=10), "cuont is no argument: did you mean count?"),
+    (lambda: hexad.sample(*solid(BALL), count=10, isovalue=0), "a member of surface.volume, and the surface is a mesh"),
+    *((lambda group=group: hexad.sample(*solid(BALL), count=10, **{group: {}}), f"{group} is no argument but a group of the spec: give a spec")
+      for group in ("outcome", "limits", "solver")),
+    (lambda: hexad.sample(*solid(BALL), count=10, curvature={"ratio": object()}), "neither a number"),
+    (lambda: hexad.sample((*solid(BALL), None, None), count=10), "a tuple of 4 is no surface"),
+    (lambda: hexad.sample([[0, 0, 0], [1, 0]], BALL.triangles, count=10), "vertices has rows of unequal lengths"),
+    (lambda: hexad.sample(BALL.vertices, [], count=10), "faces has no rows"),
+    (lambda: hexad.sample(BALL.vertices, [0, 1, 2], count=10), "faces is no list of polygons"),
+    (lambda: hexad.sample((density(), numpy.eye(4)), isovalue=0, affine=numpy.eye(4), count=10), "affine is given twice"),
     (lambda: hexad.sample(density(), count=10), "isovalue"),
     (lambda: hexad.sample({**formula()}, count=10), "count"),
     (lambda: hexad.sample(BALL.vertices, count=10), "is no surface"),
+    (lambda: hexad.sample(*solid(BALL), count=10, points={"path": ON_BALL, "mode": "keep"}), "points: 18 points are given, and the count"),
+    (lambda: hexad.sample("/none/ball.obj", count=10), "cannot read /none/ball.obj: No such file"),
     (lambda: hexad.sample(BALL.vertices.astype(object).astype(str), BALL.triangles, count=10), "not a number"),
 ])
 def test_calls_that_are_wrong(call, words):
@@ -510,32 +539,93 @@ def test_calls_that_are_wrong(call, words):
         call()
 
 
-def test_keywords_have_the_types_of_the_spec():
-    """Of each member of sampling and of the four surfaces but those that differ from the spec on purpose."""
+def test_points_are_a_mapping_of_their_properties():
+    points = hexad.sample(*solid(BALL), count=300)
+    assert len(points) == len(list(points)) == len(dict(points)) and points.count == 300
+
+
+def test_a_mask_is_labels():
+    i = numpy.indices((20, 20, 20)) - 9.5
+    mask = (i ** 2).sum(0) < 49
+    points = hexad.sample({"surface": {"labels": {"path": mask, "background": 0}}, "sampling": {"count": 1000}})
+    radius = numpy.linalg.norm(points.positions - 9.5, axis=1)
+    assert abs(radius - 7).max() < 0.5 and (points.normals * (points.positions - 9.5)).sum(1).min() > 0
+
+
+def test_a_surface_may_be_one_argument():
+    """As an item of sample_many and as a path of a spec."""
+    assert hexad.sample(solid(BALL), count=300).positions.tobytes() == hexad.sample(*solid(BALL), count=300).positions.tobytes()
+    in_a_tuple = hexad.sample((density(), OBLIQUE), isovalue=0, count=300)
+    assert in_a_tuple.positions.tobytes() == hexad.sample(density(), affine=OBLIQUE, isovalue=0, count=300).positions.tobytes()
+
+
+@pytest.mark.parametrize("call", [
+    lambda: hexad.sample(solid(BALL), cuont=3), lambda: hexad.sample(BALL.vertices, [0, 1, 2], count=10)])
+def test_errors_of_python_have_no_code(call):
+    with pytest.raises((TypeError, hexad.HexadError)) as found:
+        call()
+    assert getattr(found.value, "code", None) is None
+
+
+def test_keywords_are_the_members_of_sampling_and_of_surfaces():
     from hexad import spec
-    from hexad.sample import SURFACES, Members, members_of
-    own = typing.get_type_hints(Members)
-    expected = {}
-    for kind in ("Sampling", SURFACES["mesh"], SURFACES["volume"], SURFACES["vdb"]):
-        hints = typing.get_type_hints(getattr(spec, kind))
-        assert set(hints) == members_of(kind)
-        for name in hints:
-            expected.setdefault(name, set()).add(hints[name])
-    assert set(own) == set(expected) - {"path", "count"}
-    assert {name for name in own if expected[name] != {own[name]}} == {"grid", "points", "voxel_size"}
+    from hexad.sample import SURFACES, members_of
+    kinds = ("Sampling", SURFACES["mesh"], SURFACES["volume"], SURFACES["vdb"])
+    assert set(typing.get_type_hints(spec.SampleMembers)) == set().union(*map(members_of, kinds)) - {"path", "count"}
 
 
-def test_an_unresolved_result_is_a_warning():
-    thin = formula({"count": 100}, shape="torus", major_radius=1, minor_radius=0.02)
-    with pytest.warns(hexad.OutcomeWarning, match="unresolved"):
-        points = hexad.sample({**thin, "outcome": {"require": {"hex_fraction": 0.5}}})
-    assert points.count == 100 and points.outcome == "unresolved"
+def test_the_warning_of_an_outcome_states_the_criterion_that_failed():
+    """The torus is resolved: only the required regularity is missed."""
+    with pytest.warns(hexad.OutcomeWarning, match="the outcome is unresolved: .*hex_fraction") as told:
+        points = hexad.sample({**formula(), "outcome": {"require": {"hex_fraction": 1}}})
+    assert points.count == 300 and points.outcome == "unresolved" and "thin" not in str(told[0].message)
+    assert points.outcome_reasons[0]["message"] in str(told[0].message)
 
 
 def test_a_result_that_has_not_converged_is_a_warning():
-    with pytest.warns(hexad.OutcomeWarning, match="not_converged") as told:
+    with pytest.warns(hexad.OutcomeWarning, match="not_converged: rms_step: .* Raise solver.max_sweeps") as told:
         points = hexad.sample({**formula(), "solver": {"max_sweeps": 1}})
     assert points.count == 300 and points.outcome == "not_converged" and told[0].filename == __file__
+    assert "not_converged" in repr(points)
+
+
+def test_the_report_has_attributes_of_the_points():
+    points = hexad.sample(formula())
+    assert points.outcome_reasons == points.advice == points.warnings == []
+    assert points.ratings["hex_fraction"]["rating"] == "good"
+
+
+TWICE = (BALL.vertices, numpy.concatenate([BALL.triangles, BALL.triangles[:5]]))
+
+
+def test_warnings_of_the_report_are_warnings():
+    with pytest.warns(hexad.SurfaceWarning, match="5 of .* triangles") as told:
+        points = hexad.sample(*TWICE, count=300)
+    assert [str(each.message) for each in told if each.category is hexad.SurfaceWarning] == points.warnings
+    assert told[0].filename == __file__
+
+
+UNCONVERGED = {**formula(), "solver": {"max_sweeps": 1}}
+
+
+def test_sample_many_warns_once_and_leaves_the_filters():
+    surfaces = [solid(BALL), UNCONVERGED, TWICE, UNCONVERGED, solid(BALL)] * 4
+    before = list(warnings.filters)
+    with pytest.warns() as told:
+        hexad.sample_many(surfaces, 300, processors=4)
+    words = {each.category: str(each.message) for each in told}
+    assert len(told) == 2 and all(each.filename == __file__ for each in told) and warnings.filters == before
+    assert "8 of 20 surfaces are not_converged: 1, 3, 6, 8, 11, 13, 16, 18. surfaces[1]: rms_step" in words[hexad.OutcomeWarning]
+    assert "4 of 20 surfaces have warnings: 2, 7, 12, 17. surfaces[2]: " in words[hexad.SurfaceWarning]
+
+
+def test_sample_many_returns_the_batch_where_a_filter_makes_warnings_exceptions():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = hexad.sample_many([solid(BALL), UNCONVERGED, TWICE], 300)
+    assert made.outcomes == ["converged", "not_converged", "converged"] and not numpy.isnan(made.positions).any()
+    assert made.errors[0] is None
+    assert [str(error)[:30] for error in made.errors[1:]] == ["surfaces[1] is not_converged: ", "surfaces[2] has warnings: 5 of"]
 
 
 def test_an_interrupt_ends_sample_many(library):
@@ -549,13 +639,65 @@ def test_an_interrupt_ends_sample_many(library):
     assert "KeyboardInterrupt" in words and process.returncode == -signal.SIGINT
 
 
+BROKEN = (BALL.vertices, BALL.triangles + 1000)
+
+
 def test_sample_many():
-    surfaces = [turned(BALL, k) for k in range(4)] + [(BALL.vertices, BALL.triangles + 1000), formula({"count": 300})]
-    made = hexad.sample_many(surfaces, 300)
+    surfaces = [turned(BALL, k) for k in range(4)] + [BROKEN, formula(), grid(density(), OBLIQUE)]
+    made = hexad.sample_many(surfaces[:-1], 300)
     assert made.positions.shape == (6, 300, 3)
     failed = [error is not None for error in made.errors]
     assert failed == [False] * 4 + [True, False] and made.errors[4].code == "input_damaged"
+    assert str(made.errors[4]).startswith("input_damaged: surfaces[4]: faces[0, 0] is 1048")
     assert numpy.isnan(made.positions).all(axis=(1, 2)).tolist() == failed
-    assert [outcome is None for outcome in made.outcomes] == failed
+    assert [outcome is None for outcome in made.outcomes] == [report is None for report in made.reports] == failed
+    assert set(made.reports[5]) == set(hexad.sample(formula()).report) - {"sweeps"}
+    assert made.reports[5]["count"] == 300 and made.reports[5]["surface"]["area"] > 0
     for k in range(4):
         assert made.positions[k].tobytes() == hexad.sample(*surfaces[k], count=300).positions.tobytes()
+    volumes = hexad.sample_many([grid(density(), OBLIQUE), density()], 300, isovalue=0)
+    assert volumes.positions[0].tobytes() == hexad.sample(density(), affine=OBLIQUE, isovalue=0, count=300).positions.tobytes()
+    assert volumes.errors == [None, None]
+
+
+@pytest.mark.parametrize("item, words", [
+    (BROKEN, "input_damaged: surfaces[1]: faces[0, 0] is 1048"),
+    ((BALL.vertices,), "surfaces[1]: a tuple of 1 is no surface"),
+    (([[0, 0, 0], [1, 0]], BALL.triangles), "surfaces[1]: the surface has rows of unequal lengths"),
+    ((BALL.vertices, [[0, 1, 2], [0, 2, 3, "x"]]), "surfaces[1]: faces"),
+    ((BALL.vertices[:, :2], BALL.triangles), "spec_invalid: surfaces[1]: vertices has rows of 2 numbers"),
+    ((BALL.vertices, BALL.triangles, None, 3), "surfaces[1]: a tuple of 4"),
+    (density(), "surfaces[1]: a volume requires isovalue"),
+    (None, "surfaces[1]: None is no surface"),
+    ("/none.obj", "input_missing: surfaces[1]: "),
+    ({}, "spec_invalid: surfaces[1]: /surface"),
+    ({"surface": {"mesh": {"path": BROKEN}}}, "input_damaged: surfaces[1]/surface/mesh: faces[0, 0]"),
+    (formula({"spacing": 0.1, "count": 300}), "surfaces[1]: /sampling/spacing gives unequal numbers"),
+    (formula({"count": 200}), "surfaces[1]: /sampling/count is 200, and the batch has 300"),
+])
+def test_a_wrong_surface_does_not_end_its_batch(item, words):
+    made = hexad.sample_many([solid(BALL), item, solid(BALL)], 300)
+    assert made.outcomes == ["converged", None, "converged"] and str(made.errors[1]).startswith(words), made.errors[1]
+
+
+@pytest.mark.parametrize("keywords, words", [
+    ({"cuont": 3}, "did you mean count"), ({"mesh": True}, "mesh: a batch returns positions"), ({"properties": "all"}, "properties: a batch"),
+    ({"spacing": 0.1}, "spacing gives unequal numbers"), ({"density": 3}, "density gives unequal"), ({"isovalue": 0}, "surface is a mesh"),
+    ({"curvature": {"ratoi": 3}}, "did you mean 'ratio'"), ({"seed": "x"}, "/solver/seed"), ({"limits": {}}, "group of the spec"),
+    ({"points": [[0, 0]]}, "points has rows of 2 numbers"), ({"affine": numpy.eye(3)}, "affine has the shape"),
+    ({"count": 0}, "count is 0"), ({"processors": -1}, "processors is -1"), ({"count": "many"}, "integer"),
+    ({"region": {"min": [0, 0]}}, "/region"),
+])
+def test_a_wrong_argument_of_a_batch_is_raised(keywords, words):
+    with pytest.raises((TypeError, ValueError, hexad.HexadError), match=words):
+        hexad.sample_many([solid(BALL), BROKEN, solid(BALL)], **{"count": 300, **keywords})
+
+
+def test_progress_of_a_batch_counts_surfaces_and_cancels():
+    told = []
+    hexad.sample_many([solid(BALL), None, BROKEN], 300, progress=lambda *at: told.append((threading.get_ident(), *at)))
+    assert {thread for thread, *_ in told} == {threading.get_ident()}
+    assert told[0][1:] == (1, 3) and told[-1][1:] == (3, 3) and told == sorted(told)
+    made = hexad.sample_many([solid(BALL)] * 2 + [{**ENDLESS, "sampling": {}}] * 3, 300, processors=1, progress=lambda done, _: done == 2)
+    assert made.outcomes == ["converged"] * 2 + [None] * 3 and not numpy.isnan(made.positions[:2]).any()
+    assert [error.code for error in made.errors[2:]] == ["cancelled"] * 3

@@ -3,6 +3,7 @@
 import os
 import pathlib
 import pwd
+import re
 import resource
 import signal
 import sqlite3
@@ -157,6 +158,7 @@ def test_deaths_of_the_daemon_do_not_count(new_service, tmp_path):
         service.wait_worker(job)
         task, = service.get(f"/v1/jobs/{job}/tasks").json["tasks"]
         assert (task["attempt"], task["spent"], task["interrupted"]) == (2 + kills, 2, kills)
+        assert re.search(r"attempt ended .* code=interrupted$", service.log.read_text(), re.M), "the code has no message"
     service.open_gate(job)
     done = service.wait_state(job, "succeeded")
     assert [a["reason"] for a in done["attempts"]][1:] == ["the daemon ended during the attempt"] * 2 + \
@@ -407,10 +409,90 @@ def test_a_check_of_settings_says_that_hexad_would_not_start(build, tmp_path):
     for words, status in (((), 0), (("--strict",), 1)):
         done = run_hexad(build, *where, "--check-settings", *words)
         assert done.returncode == status and "no faults" not in done.stdout
-        assert done.stdout.startswith(f"hexad would not start: input_roots: cannot open the input root {tmp_path}/none: No such file or directory")
+        assert done.stdout.startswith(f"hexad would not start: {file}:1: input_roots: cannot open the input root {tmp_path}/none: No such file or directory")
     assert run_hexad(build, *where).returncode == 1
     told = run_hexad(build, "--state_dir", tmp_path / "state", "--check-settings").stdout
     assert told == "no settings file was read; no faults in the options and the defaults\n"
     (tmp_path / "none").mkdir()
-    assert run_hexad(build, *where, "--check-settings", "--strict").stdout == f"no faults in the settings of {file}\n"
+    assert run_hexad(build, *where, "--check-settings", "--strict").stdout == f"no faults in the settings of {file}; 1 warning\n"
     assert run_hexad(build, *where, "--strict").returncode == 2
+
+
+WRONG_SETTINGS = {  # names of settings and values -> the message; {root}: an existing directory
+    "webhooks without a secret": ({"webhook_hosts": "example.org"}, "webhook_hosts requires webhook_secret_file: set it"),
+    "a secret that is missing": ({"webhook_hosts": "example.org", "webhook_secret_file": "{root}/none"},
+                                 "webhook_secret_file: cannot read {root}/none: No such file or directory"),
+    "a secret that is too short": ({"webhook_hosts": "example.org", "webhook_secret_file": "{root}/file"},
+                                   "webhook_secret_file {root}/file: the secret must have"),
+    "a host of webhooks that is none": ({"webhook_hosts": "a b"}, "webhook_hosts: "),
+    "an engine that is none": ({"engine": "pbs"}, "engine: must be local or slurm"),
+    "slurm without work_dir": ({"engine": "slurm"}, "engine = slurm requires work_dir"),
+    "an option of slurm without dashes": ({"engine": "slurm", "work_dir": "{root}/work", "slurm_options": "qos"}, "slurm_options: must be --OPTION"),
+    "an account of slurm without a user": ({"engine": "slurm", "work_dir": "{root}/work", "slurm_accounts": "a"}, "slurm_accounts: must be user"),
+    "state_dir below a file": ({"state_dir": "{root}/file/state"}, "state_dir: cannot write to {root}/file/state: Not a directory"),
+    "state_dir that is a file": ({"state_dir": "{root}/file"}, "state_dir: cannot write to {root}/file: Not a directory"),
+    "state_dir that is a link to nothing": ({"state_dir": "{root}/link"}, "state_dir: cannot write to {root}/link: No such file or directory"),
+    "work_dir below a file": ({"work_dir": "{root}/file/deep/work"}, "work_dir: cannot write to {root}/file/deep/work: Not a directory"),
+    "work_dir that is a link to nothing": ({"work_dir": "{root}/link"}, "work_dir: cannot write to {root}/link: No such file or directory"),
+    "port_file without its directory": ({"port_file": "{root}/none/port"},
+                                        "port_file: cannot create {root}/none/port: the directory {root}/none: No such file or directory: create it"),
+    "a socket without its directory": ({"listen": "unix:{root}/none/socket"}, "listen unix:{root}/none/socket: the directory {root}/none: No such"),
+    "a socket at the path of a file": ({"listen": "unix:{root}/file"}, "listen unix:{root}/file: the path exists and is not a socket"),
+    "a relative socket": ({"listen": "unix:beside"}, "listen unix:beside: the path must be absolute"),
+    "a port without tokens": ({"listen": "127.0.0.1:0"}, "listen 127.0.0.1:0: every user of this machine can reach this address"),
+    "tokens that others can read": ({"token_file": "{root}/open"}, "{root}/open: other users can access the file"),
+    "an input root that is missing": ({"input_roots": "{root}/none"}, "input_roots: cannot open the input root {root}/none: No such file"),
+    "a relative input root": ({"input_roots": "none"}, "input_roots: must be absolute paths (given none)"),
+    "a relative output root": ({"output_roots": "none"}, "output_roots: must be absolute paths (given none)"),
+    "a group that is missing": ({"output_group": "no-such-group"}, "output_group: the group no-such-group does not exist"),
+    "a worker that is missing": ({"worker": "{root}/none"}, "worker: cannot run the program {root}/none: No such file or directory"),
+    "a proxy that is none": ({"trusted_proxies": "a"}, "trusted_proxies: "),
+    "a page that is none": ({"page_origins": "a"}, "page_origins: "),
+    "a mapping that is none": ({"path_mappings": "a"}, "path_mappings: "),
+    "a weight that is too high": ({"user_weights": "alice:200"}, "user_weights: "),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_SETTINGS)
+def test_a_check_of_settings_and_a_start_agree(build, tmp_path, name):
+    """The check finds what a start refuses, in the same words, and the check creates nothing."""
+    settings, message = WRONG_SETTINGS[name]
+    (tmp_path / "file").write_text("short\n")
+    (tmp_path / "file").chmod(0o600)
+    (tmp_path / "open").touch(mode=0o644)
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    settings = {"state_dir": "{root}/state", **settings}
+    file = tmp_path / "hexad.conf"
+    file.write_text("".join(f"{key} = {value.format(root=tmp_path)}\n" for key, value in settings.items()))
+    before = sorted(tmp_path.rglob("*"))
+    told = run_hexad(build, "--config", file, "--check-settings", "--strict")
+    assert sorted(tmp_path.rglob("*")) == before
+    begun = run_hexad(build, "--config", file)
+    assert told.returncode in (1, 2) and begun.returncode in (1, 2), (told, begun)
+    for text in told.stdout + told.stderr, begun.stderr:
+        assert message.format(root=tmp_path) in text, text
+    assert "no faults" not in told.stdout
+
+
+def test_a_start_that_creates_the_queue_says_so_once(new_service):
+    service = new_service().start()
+    assert service.log.read_text().count(f" info a new queue is created in {service.state}\n") == 1
+    service.end()
+    service.start()
+    assert "new queue" not in service.log.read_text()
+
+
+def test_a_check_of_settings_counts_its_warnings(build, tmp_path):
+    file = tmp_path / "hexad.conf"
+    for text, end in ("unix_users = alice bob", "; 1 warning"), ("unix_users = alice bob\nunix_groups = no-such", "; 2 warnings"):
+        file.write_text(f"{text}\n")
+        done = run_hexad(build, "--config", file, "--state_dir", tmp_path / "state", "--check-settings", "--strict")
+        assert done.returncode == 0 and done.stdout == f"no faults in the settings of {file}{end}\n"
+        assert re.search("warning: unix_users: .*alice bob.*; separate names by a colon or a comma\n", done.stderr), done.stderr
+
+
+def test_a_check_of_settings_accepts_directories_that_a_start_creates(build, tmp_path):
+    state = tmp_path / "deep/state"
+    words = ("--state_dir", state, "--work_dir", tmp_path / "work", "--port_file", state / "port", "--listen", f"unix:{state}/socket")
+    done = run_hexad(build, *words, "--check-settings", "--strict")
+    assert done.returncode == 0 and "no faults" in done.stdout and not list(tmp_path.iterdir()), done

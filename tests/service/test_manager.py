@@ -256,7 +256,7 @@ def start_with_sockets(build, where, *sockets):
     numbers = [s.fileno() for s in sockets]
     return subprocess.Popen(
         [sys.executable, "-c", HAND_OVER, ",".join(map(str, numbers)), build / "hexad", "--state_dir", where / "state",
-         "--port_file", where / "port", "--listen", "127.0.0.1:0", "--tcp_without_tokens", OPEN_TCP],
+         "--port_file", where / "port", "--listen", "127.0.0.1:0, unix:", "--tcp_without_tokens", OPEN_TCP],
         pass_fds=numbers, stderr=subprocess.PIPE, text=True)
 
 
@@ -285,7 +285,9 @@ def test_sockets_are_handed_over(build, tmp_path, families):
                 client.sendall(f"GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n".encode())
                 assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
         process.send_signal(signal.SIGTERM)
-        assert f"listen = 127.0.0.1:0 is ignored: systemd passed the socket {addresses[0]}" in process.communicate(timeout=PATIENCE_S)[1]
+        told = process.communicate(timeout=PATIENCE_S)[1]
+        assert f"listen = 127.0.0.1:0, unix: is ignored: systemd opens the sockets, {', '.join(addresses)}. Remove" in told
+        assert "`hexad --open-port USER`, or set ListenStream= and IPAddressAllow= in" in told
         assert process.returncode == 0
         assert "unix" not in families or (tmp_path / "socket").exists()  # which is not the daemon's to remove
     finally:

@@ -276,6 +276,18 @@ def test_a_3mf_is_read_in_millimetres(look, tmp_path, r, unit):
     assert len(found["notes"]) == (unit != "millimeter") and all(unit in note and "millimetres" in note for note in found["notes"])
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_part_of_a_3mf_that_is_there_twice_is_refused(look, tmp_path, r):
+    for scale in (1, 2):
+        mesh = write.mesh_of_3mf(scale * write.box(r))
+        write.write_3mf(tmp_path / f"box{scale}.3mf", f'<object id="1">{mesh}</object>', '<item objectid="1"/>')
+    with zipfile.ZipFile(tmp_path / "box1.3mf", "a") as archive, zipfile.ZipFile(tmp_path / "box2.3mf") as other:
+        (name,) = (n for n in archive.namelist() if n.endswith(".model"))
+        archive.writestr(name, other.read(name))
+    error = look(tmp_path / "box1.3mf")
+    assert error["code"] == "input_damaged" and f"{name} is there twice" in error["message"], error
+
+
 def test_objects_of_a_3mf_with_equal_ids_are_refused(look, tmp_path, r):
     mesh = write.mesh_of_3mf(write.box(r))
     write.write_3mf(tmp_path / "box.3mf", "".join(f'<object id="{k % 200}">{mesh}</object>' for k in range(7, 208)), '<item objectid="7"/>')
@@ -438,6 +450,16 @@ def test_blanks_may_follow_the_mark_that_continues_a_line(look, tmp_path, r, mar
     text = (tmp_path / "box.obj").read_text().replace("v ", "v " + mark).replace("f ", "f " + mark)
     (tmp_path / "box.obj").write_bytes(text.encode())
     assert_box(look(tmp_path / "box.obj"), corners)
+
+
+@pytest.mark.parametrize("vertex, note", [("{} 0,5", "8 vertices have a word that is not a number behind their coordinates"), ("{} 0.5 0.5 -1.#IND", "8 vertices have a word"),
+                                          ("{}\nf # none", "8 faces have no corners"), ("{}\nf", "8 faces have no corners")])
+def test_rows_of_an_obj_that_are_skipped_are_named(look, tmp_path, r, vertex, note):
+    corners = write.box(r)
+    write.obj(tmp_path / "box.obj", corners, vertex=vertex)
+    found = look(tmp_path / "box.obj")
+    assert_box(found, corners)
+    assert len(found["notes"]) == 1 and found["notes"][0].startswith(note), found["notes"]
 
 
 def test_what_an_obj_has_beside_polygons_is_warned_of(look, tmp_path, r):

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps of spacings on the vertices of meshes (sampling.grid): the points have the spacings of the same function as they would have by
 a volume, whatever the format and the surface; what is refused; and that the file is an input like all others."""
+import base64
 import hashlib
 import json
 
 import numpy
 import pytest
 
+import gifti_files
 from ply_files import write_ply
 from readers import read_columns
 from service import expect_problem
@@ -50,6 +52,11 @@ def write_vtp(path, vertices, faces, name, values):
     write_xml(path, [(vertices, {"Polys": faces.tolist()})], mode="appended", values=[{name: values}])
 
 
+def write_gifti(path, vertices, faces, name, values):
+    gifti_files.write(path, gifti_files.array("POINTSET", vertices), gifti_files.array("TRIANGLE", faces.astype("i4")),
+                      gifti_files.array("SHAPE", values.astype("f4"), name=name))
+
+
 def colors(red, green):
     return {"red": ("uchar", red), "green": ("uchar", green), "blue": ("uchar", numpy.zeros(len(red), int))}
 
@@ -61,6 +68,8 @@ PAINTINGS = {
                 {"name": "weight", "kind": "density"}),
     "color": (lambda p, v, f: write_ply(p, v, f, colors(numpy.full(len(v), 9), numpy.rint(51 * painted(v[:, 0])).astype(int)), "binary_big_endian"),
               "m.ply", {"name": "color", "component": 1}),
+    "a name of the library": (lambda p, v, f: write_ply(p, v, f, {"group": ("float", painted(v[:, 0]))}, "ascii"), "m.ply", {"name": "group"}),
+    "GIfTI": (lambda p, v, f: write_gifti(p, v, f, "size", painted(v[:, 0])), "m.surf.gii", {"name": "size"}),
     "VTK": (lambda p, v, f: write_vtp(p, v, f, "size field", numpy.stack([0 * v[:, 0], 3e-4 * painted(v[:, 0])], -1)), "m.vtp",
             {"name": "size field", "component": 1}),
 }
@@ -129,6 +138,64 @@ def test_what_is_refused(sample, example, tmp_path, fault):
     (tmp_path / "notes.txt").write_text("wider at the ears\n")
     error, none = sample({"mesh": {"path": "m.ply"}}, {k: str(example) if v == "EXAMPLE" else v for k, v in grid.items()}, 100)
     assert none is None and error["code"] == code and words in error["message"], error
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("at", [2, 5])
+@pytest.mark.parametrize("name", ["map.ply", "map.obj"])
+def test_a_number_of_a_map_in_another_file_is_read_to_its_end(sample, tmp_path, name, at):
+    """A decimal comma in row 7 of the vertices, in z or a colour."""
+    vertices, faces = torus()
+    write_ply(tmp_path / name, vertices, faces, colors(numpy.full(len(vertices), 9), 51 * numpy.ones(len(vertices), int)), "ascii")
+    rows = (tmp_path / name).read_text().splitlines()
+    head = rows.index("end_header") + 1
+    row = rows[head + 7].split()
+    rows[head + 7] = " ".join([*row[:at], row[at] + ",5", *row[at + 1:]])
+    if name == "map.obj":
+        rows = [*("v " + r for r in rows[head:head + len(vertices)]), *("f %d %d %d" % tuple(f + 1) for f in faces)]
+        head = 0
+    (tmp_path / name).write_text("\n".join(rows) + "\n")
+    told, report = sample(TORUS, {"path": name, "name": "color", "component": 1}, 100)
+    if name == "map.obj" and at == 5:
+        assert "/sampling/grid: 1 vertices have a word that is not a number behind their coordinates: the rest of the line is skipped" in report["surface"]["warnings"]
+    else:
+        assert report is None and told["code"] == "input_damaged" and f"{name}: line {head + 8} of the " in told["message"], told
+
+
+def test_warnings_about_a_map_in_another_file_name_the_map(sample, tmp_path):
+    vertices, faces = torus()
+    write_vtp(tmp_path / "m.vtp", vertices, faces, "size", painted(vertices[:, 0]))
+    text = (tmp_path / "m.vtp").read_bytes().replace(b"<Piece ", b'<Piece NumberOfVerts="1" ', 1)
+    verts = b'<Verts><DataArray type="Int64" Name="connectivity" format="ascii">0</DataArray><DataArray type="Int64" Name="offsets" format="ascii">1</DataArray></Verts>'
+    (tmp_path / "m.vtp").write_bytes(text.replace(b"</Piece>", verts + b"</Piece>", 1))
+    for surface, begin in ((TORUS, "/sampling/grid: the mesh has 1 points or lines"), ({"mesh": {"path": "m.vtp"}}, "the mesh has 1 points or lines")):
+        _, report = sample(surface, {"path": "m.vtp", "name": "size"}, 200)
+        (warning,) = (w for w in report["surface"]["warnings"] if "points or lines" in w)
+        assert warning.startswith(begin)
+
+
+def test_a_part_without_the_value_is_not_black(sample, solve, tmp_path):
+    """glTF: the second primitive has no COLOR_0."""
+    vertices, faces = torus()
+    data = vertices.astype("f4").tobytes() + faces.astype("u4").tobytes() + numpy.full((len(vertices), 4), 0.5, "f4").tobytes()
+    views, at = [], 0
+    for length in (vertices.size * 4, faces.size * 4, len(vertices) * 16):
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": length})
+        at += length
+    half = faces.size // 2
+    accessors = [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(vertices), "min": [-2, -2, -2], "max": [2, 2, 2]},
+                 *({"bufferView": 1, "byteOffset": 4 * half * k, "componentType": 5125, "type": "SCALAR", "count": half} for k in (0, 1)),
+                 {"bufferView": 2, "componentType": 5126, "type": "VEC4", "count": len(vertices)}]
+    primitives = [{"attributes": {"POSITION": 0, "COLOR_0": 3}, "indices": 1}, {"attributes": {"POSITION": 0}, "indices": 2}]
+    (tmp_path / "m.gltf").write_text(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [{"primitives": primitives}],
+        "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}]}))
+    error, none = sample({"mesh": {"path": "m.gltf"}}, {"name": "color", "component": 0, "kind": "density"}, 100)
+    assert none is None and error["code"] == "input_damaged" and '"color" is not finite at vertex' in error["message"], error
+    report, data = solve({"version": 1, "surface": {"mesh": {"path": "m.gltf"}}, "sampling": {"count": 200}, "attributes": [{"name": "color"}],
+                          "output": {"preview": False}})
+    assert data and any("have a value that is not finite" in w for w in report["surface"]["warnings"]), report
 
 
 def test_frames_have_maps_of_their_own(worker, tmp_path):

@@ -103,9 +103,8 @@ def test_a_database_and_a_socket_that_are_denied_are_named_with_the_command_that
     assert "install -d -o 60003 DIRECTORY" in told
 
 
-def test_a_directory_of_results_that_is_denied_is_in_the_log_with_the_command_that_permits_it(start_as_user):
-    results = start_as_user.place / "state/results"
-    results.mkdir(mode=0o755)
+def log_of_unwritable_storage(start_as_user):
+    """The line of a started daemon about a directory that it cannot write to."""
     program = [sys.executable, "-c", AS_USER, start_as_user.place / "hexad", "--state_dir", start_as_user.place / "state"]
     with subprocess.Popen(program, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -113,8 +112,84 @@ def test_a_directory_of_results_that_is_denied_is_in_the_log_with_the_command_th
         finally:
             process.terminate()
             process.communicate(timeout=PATIENCE_S)
+    return line
+
+
+def test_a_directory_of_results_that_is_denied_is_in_the_log_with_the_command_that_permits_it(start_as_user):
+    results = start_as_user.place / "state/results"
+    results.mkdir(mode=0o755)
+    line = log_of_unwritable_storage(start_as_user)
     assert f"results: Permission denied: {results} {ROOTS} 0755, and it must belong to the user 60003. Run as root: " \
         f"chown -R 60003:60003 {results}" in line
+
+
+def test_a_check_of_settings_finds_directories_that_deny_what_a_start_needs(start_as_user):
+    place = start_as_user.place
+    closed = place / "closed"
+    closed.mkdir(mode=0o755)
+    for word, value, message in (
+            ("--work_dir", closed, f"work_dir: cannot write to {closed}: Permission denied: {closed} {ROOTS} 0755, and it must belong to the user 60003"),
+            ("--work_dir", closed / "a/b", f"work_dir: cannot write to {closed}/a/b: Permission denied: {closed} {ROOTS} 0755, and the user 60003 must"),
+            ("--port_file", closed / "port", f"port_file: cannot create {closed}/port: the directory {closed}: Permission denied: choose a directory"),
+            ("--listen", f"unix:{closed}/socket", f"listen unix:{closed}/socket: Permission denied: the user 60003 cannot create a socket in {closed}:")):
+        told = run_as_user(start_as_user, "--check-settings", "--strict", word, value, statuses=(1,))
+        assert f"hexad would not start: {message}" in told, told
+        assert message in run_as_user(start_as_user, word, value)
+
+
+OWN = "has the owner 60003, the group 60003 and the mode"
+
+
+def test_a_directory_of_the_service_with_a_wrong_mode_keeps_its_owner(start_as_user):
+    place = start_as_user.place
+    results, state = place / "state/results", place / "state"
+    results.mkdir()
+    os.chown(results, 60003, 60003)
+    results.chmod(0o500)
+    assert f"{results} {OWN} 0500, and the user 60003 must be able to write to it. Run: chmod u+w {results}" in log_of_unwritable_storage(start_as_user)
+    results.chmod(0o700)
+    key = state / "session.key"  # of the start above
+    key.chmod(0)
+    assert f"{key} {OWN} 0000, and the user 60003 must be able to write to it. Run: chmod u+rw {key}" in start_as_user()
+    key.chmod(0o600)
+    state.chmod(0o300)
+    assert f"{state} {OWN} 0300, and the user 60003 must be able to write to it. Run: chmod u+r {state}" in start_as_user()
+    state.chmod(0o700)
+    roots = place / "roots"
+    (roots / "below").mkdir(parents=True)
+    os.chown(roots, 60003, 60003)
+    roots.chmod(0o600)
+    assert f"must be able to enter it. Run: chmod u+x {roots}" in start_as_user("--input_roots", roots / "below")
+    for word, missing in ("--output_roots", "rwx"), ("--input_roots", "r"):
+        roots.chmod(0o000 if missing == "rwx" else 0o300)
+        assert f"Run: chmod u+{missing} {roots}" in start_as_user(word, roots), word
+
+
+def test_a_user_who_is_not_that_of_the_service_is_told_to_run_the_command_as_that_user(start_as_user):
+    """The commands that give the directory to this user would take it from the service."""
+    other = start_as_user.place / "other"
+    other.mkdir()
+    os.chown(other, 60005, 60005)
+    other.chmod(0o700)
+    for words in ("--backup", other / "copy"), ("--backup", start_as_user.place / "copy"), ("--check",):
+        told = run_as_user(start_as_user, *words, state="other", statuses=(1,))
+        assert f"{other} belongs to the user 60005: run this command as root or as this user" in told, told
+        assert "chmod" not in told and "chown" not in told
+    told = start_as_user(state=other)
+    assert f"Run this command as the user 60005. If the user 60003 is the user of the service, run as root: chown -R 60003:60003 {other}" in told
+    assert "Run this command as root or as the user 60005" in start_as_user(state=other / "below")
+
+
+def test_files_in_a_closed_directory_of_root_are_moved(start_as_user):
+    closed = start_as_user.place / "closed"
+    closed.mkdir()
+    (closed / "hexad.conf").touch()
+    for mode in 0o700, 0o000:
+        closed.chmod(mode)
+        told = start_as_user("--config", closed / "hexad.conf")
+        assert "Move the file to /etc, or to another directory that the user 60003 can enter" in told and "chmod" not in told
+    told = start_as_user("--input_roots", "/root/below")
+    assert "Move what is needed from the home directory of root" in told and "chmod" not in told
 
 
 def test_roots_that_the_service_cannot_use_are_named_with_the_command_that_permits_it(start_as_user):

@@ -180,9 +180,18 @@ def test_files_are_sent(client, tmp_path, monkeypatch):
     (tmp_path / "cube.obj").rename(tmp_path / "würfel.obj")
     assert client.upload(tmp_path / "würfel.obj") == path and client.transport.get(sent)["name"] == "würfel.obj"
     assert client.inspect(path)["mesh"]
+    (tmp_path / "scan.v2.nii.gz").write_bytes(b"")
+    assert client.upload(tmp_path / "scan.v2.nii.gz").endswith(hashlib.sha256(b"").hexdigest() + ".nii.gz")
     spec = {"surface": {"mesh": {"path": path, "resolution": 32}}, "sampling": {"count": 200}, "output": {"preview": False}}
     assert client.estimate(spec)["count"] == 200
-    assert client.submit(spec, wait=True).points().count == 200
+    job = client.submit(spec, wait=True)
+    assert job.points().count == 200
+    upload = next(upload for upload in client.uploads() if upload["name"] == "würfel.obj")
+    assert path.startswith(upload["path"]) and upload["bytes"] == len(CUBE_OBJ) and upload["jobs"] == [job.id]
+    client.delete_upload(path)
+    assert upload["sha256"] not in [other["sha256"] for other in client.uploads()]
+    with pytest.raises(problems.NotFound):
+        client.delete_upload(path)
 
 
 @pytest.mark.sanitized
@@ -369,6 +378,7 @@ bad7 = hexad.sample("a.obj", cuont=10)  # wrong
 bad8 = hexad.sample("a.obj", count=10, pattern="blue noise")  # wrong
 bad9 = hexad.sample_many(["a.obj"], 10, isovalue="0.5")  # wrong
 bad10: int = ball.outcome  # wrong
+bad11 = hexad.sample_many(["a.obj"], 10, mesh=True)  # wrong
 bad6: str = hexad.Client().submit(good).points().count  # wrong
 """
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a file to points by one command: hexadctl sample, with a service, and hexad-worker sample, without one."""
 import json
+import re
+import signal
+import struct
 import subprocess
 
 import numpy
@@ -8,8 +11,8 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from readers import read_columns
-from service import PATIENCE_S, Service
-from volumes import Part, nrrd_header, write_exr, write_nrrd
+from service import PATIENCE_S, Service, wait_until
+from volumes import Part, nrrd_header, write_exr, write_nifti, write_nrrd
 
 
 def ellipsoid(path, *half_axes):
@@ -48,7 +51,7 @@ def sample_alone(build, tmp_path):
     def call(*words, code=0):
         done = subprocess.run([build / "hexad-worker", "sample", *map(str, words)], capture_output=True, text=True,
                               timeout=PATIENCE_S, cwd=tmp_path)
-        assert done.returncode == code, done.stderr
+        assert done.returncode in (code if isinstance(code, tuple) else (code,)), done.stderr
         return done
     return call
 
@@ -152,7 +155,9 @@ def test_values_of_set_are_json_or_texts(sample, tmp_path):
     (("--count", "10", "--spacing", "1"), "--count and --spacing exclude each other"),
     (("--grade", "feature"), "--grade must be curvature or curvature=RATIO (given feature)"),
     (("--grade", "curvature=high"), "must be a number (given high)"),
-    (("--set", "sampling=1"), "--set sampling=1: must be /MEMBER=VALUE"),
+    (("--set", "sampling=1"), "--set sampling=1: must be /MEMBER=VALUE, such as /sampling=1"),
+    (("--set", "isovalue=100"), "such as /surface/vdb/isovalue=100 or /surface/volume/isovalue=100"),
+    (("--set", "radius=1"), "--set radius=1: must be /MEMBER=VALUE"),
     (("--set", "/sampling"), "--set /sampling: must be /MEMBER=VALUE"),
     (("--set", "/version/major=1"), "a part of /version/major has no members"),
     (("--count", "2.5"), "/sampling/count: "), (("--pattern", "regular"), "/sampling/pattern: "),
@@ -166,6 +171,19 @@ def test_wrong_options_are_named(sample, sample_alone, service, tmp_path, words,
     assert told in error["message"]
 
 
+def test_an_accepted_outcome_counts_as_converged(sample, sample_alone, tmp_path):
+    """So few points do not represent the ellipsoid."""
+    ellipsoid(tmp_path / "needle.obj", 10, 1, 0.05)
+    words = ("needle.obj", "--count", 30)
+    strict = "--set", '/queue/accept=["converged"]'
+    code = sample_alone(*words, "--output", "plain", code=(10, 11)).returncode
+    sample_alone(*words, "--output", "strict", "--accept", *strict, code=(code,))
+    sample_alone(*words, "--output", "accepted", "--accept")
+    for number, (more, expected) in enumerate(((("--accept",), 0), (("--accept", *strict), code), ((), code))):
+        done = sample(*words, "--output", number, *more)
+        assert done.returncode == expected, done.stderr
+
+
 @pytest.mark.sanitized
 def test_what_is_not_one_file_is_not_sent(sample, service, tmp_path):
     (tmp_path / "scan.zarr").mkdir()
@@ -176,6 +194,8 @@ def test_what_is_not_one_file_is_not_sent(sample, service, tmp_path):
         done = sample(word)
         assert done.returncode == 2 and told in done.stderr, done.stderr
         assert "--on-service" in done.stderr and "hexad-worker sample" in done.stderr
+    done = sample("x.####.obj", "--frames", "1-2")
+    assert done.returncode == 2 and "or send the files with hexadctl upload 'x.####.obj'" in done.stderr, done.stderr
     values = numpy.ones((4, 4, 4), numpy.float32)
     (tmp_path / "split.nhdr").write_text("\n".join(nrrd_header(values, None, "raw", "little", ["data file: split.raw"])) + "\n\n")
     (tmp_path / "split.raw").write_bytes(values.tobytes())
@@ -239,12 +259,13 @@ def test_the_worker_makes_the_same_points_alone(sample, sample_alone, example, t
     assert sample(*words).returncode == 0
     done = sample_alone(*words, "--output", "alone")
     first, second, last = done.stdout.splitlines()
-    assert second.startswith("700 points, converged, ") and last == "the points are in alone/points.ply"
+    assert re.match(r"700 points, spacing 0\.\d+, converged, ", second) and last == "the points are in alone/points.ply"
     spec = spec_of(tmp_path / "alone")
     assert first == f"spec: {json.dumps(spec, separators=(',', ':'))}" and "\r" not in done.stderr  # no bar: it is no terminal
     assert spec["surface"]["vdb"].pop("path") == "tube.vdb"
     with_service = spec_of(tmp_path / "tube")
     assert with_service["surface"]["vdb"].pop("path").endswith(".vdb") and spec == with_service
+    assert sorted(p.name for p in (tmp_path / "alone").iterdir()) == sorted(p.name for p in (tmp_path / "tube").iterdir())
     assert (tmp_path / "alone/points.ply").read_bytes() == (tmp_path / "tube/points.ply").read_bytes()
     again = sample_alone(*words, code=2)  # ./tube exists
     assert "tube exists: name another directory" in json.loads(again.stderr.splitlines()[-1])["message"]
@@ -257,6 +278,22 @@ def test_a_text_is_not_called_a_mesh(sample_alone, tmp_path, text):
     error = json.loads(sample_alone("notes.md", code=3).stderr.splitlines()[-1])
     assert error["code"] == "input_unsupported" and ".." not in error["message"], error
     assert "notes.md: its format is not known" in error["message"] and "PLY, OBJ, STL or OFF" in error["message"]
+
+
+def test_one_of_several_volumes_is_named(sample_alone, tmp_path):
+    x = numpy.arange(16) - 7.5
+    radius = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x)))
+    write_nifti(tmp_path / "ball.nii", (7 - radius).astype("f4"))
+    raw = bytearray((tmp_path / "ball.nii").read_bytes())
+    struct.pack_into("<8h", raw, 40, 4, 16, 16, 16, 2, 1, 1, 1)
+    (tmp_path / "ball.nii").write_bytes(raw + (3 - radius).astype("<f4").tobytes(order="F"))
+    told = sample_alone("ball.nii", "--count", 200).stderr
+    assert "\nvolume 0 of 2, from 0; set another with --set /surface/volume/index=K\nisovalue " in told
+    done = sample_alone("ball.nii", "--count", 200, "--set", "/surface/volume/isovalue=0", "--set", "/surface/volume/index=1",
+                        "--output", "b")
+    assert "volume 0 of" not in done.stderr
+    points = positions(tmp_path / "b")
+    assert abs(numpy.linalg.norm(points - points.mean(axis=0), axis=1) - 3).max() < 0.2
 
 
 def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
@@ -274,6 +311,46 @@ def test_a_volume_is_sampled_at_the_suggested_isovalue(sample_alone, tmp_path):
     assert abs(numpy.linalg.norm(points - centre, axis=1) - 8).max() < 0.5
 
 
+def write_vdb(path, *names):
+    """Grids of a ball of radius 8 voxels, whose values fall from 1 to 0 at its surface."""
+    import pyopenvdb
+    at = numpy.mgrid[-12:13, -12:13, -12:13]
+    grids = []
+    for name in names:
+        grids.append(pyopenvdb.FloatGrid(0.0))
+        grids[-1].name = name
+        grids[-1].copyFromArray(numpy.clip(8.5 - numpy.sqrt((at ** 2).sum(0)), 0, 1), ijk=(-12, -12, -12))
+    pyopenvdb.write(str(path), grids)
+
+
+@pytest.mark.sanitized
+def test_an_isovalue_makes_the_inspection_of_a_vdb_file_unnecessary(sample, sample_alone, service, tmp_path):
+    write_vdb(tmp_path / "smoke.vdb", "density", "heat")
+    words = ("smoke.vdb", "--count", 300, "--set", "/surface/vdb/isovalue=0.5")
+    alone = json.loads(sample_alone(*words, "--output", "none", code=3).stderr.splitlines()[-1])
+    refused = sample(*words)
+    assert alone["code"] == "grid_ambiguous" and refused.returncode not in (0, 10, 11)
+    for told in (alone["message"], refused.stderr):
+        assert 'set grid to one of "density" (float), "heat" (float)' in told and "--set /surface/vdb/grid=NAME" in told, told
+        assert "inspecting" not in told
+    for done in (sample(*words, "--set", "/surface/vdb/grid=heat"), sample_alone(*words, "--set", "/surface/vdb/grid=heat", "--output", "alone")):
+        assert done.returncode == 0 and "inspecting" not in done.stderr, done.stderr
+    for directory in ("smoke", "alone"):
+        assert abs(numpy.linalg.norm(positions(tmp_path / directory), axis=1) - 8).max() < 0.2
+
+
+@pytest.mark.extended  # waits for a moment in which the service answers in 0.2 s
+def test_a_fault_of_a_sent_file_is_refused_before_the_submission(sample, service, tmp_path):
+    write_vdb(tmp_path / "smoke.vdb", "density", "heat")
+
+    def is_refused():  # unless the answer takes longer than a submission waits
+        before = jobs(service)
+        done = sample("smoke.vdb", "--count", 300, "--set", "/surface/vdb/isovalue=0.5")
+        assert done.returncode != 0 and "set grid to one of" in done.stderr, done.stderr
+        return jobs(service) == before
+    wait_until(is_refused, "a refusal")
+
+
 def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service):
     """The service makes one inspection at a time."""
     service = new_service("--estimates", 1).start()
@@ -285,6 +362,30 @@ def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service
         out, err = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, err
     assert sorted(job["name"] for job in jobs(service)) == [f"ball{k}" for k in range(4)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_path, number):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    endless = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *endless], stderr=subprocess.PIPE, text=True,
+                          stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path) as command:
+        job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
+        service.wait_state(job, "running")
+        command.send_signal(number)
+        told = command.stderr.read()
+    assert command.returncode == -number and f"the job {job} continues" in told, told
+    assert f'"hexadctl wait {job}"' in told and f'"hexadctl cancel {job}"' in told
+    assert service.job(job)["state"] == "running"
+    subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+
+
+def test_without_a_service_nothing_is_sent(build, tmp_path):
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    done = subprocess.run([build / "hexadctl", "--server", f"unix:{tmp_path}/none.sock", "sample", "ball.obj"], capture_output=True,
+                          text=True, timeout=PATIENCE_S, cwd=tmp_path)
+    assert done.returncode == 3 and "sending" not in done.stderr, done.stderr
+    assert "cannot connect" in done.stderr and "`hexad-worker sample FILE` needs no service" in done.stderr
 
 
 def test_the_document_of_the_job(build, service, tmp_path):
@@ -314,6 +415,10 @@ def test_a_mesh_needs_no_inspection_but_a_volume_does(new_service, sample, examp
         done = sample("volume.nrrd", *words, "--output", "other", of=service)
         assert done.returncode == 1 and "hexad-worker sample FILE" in done.stderr, done.stderr
         assert "give --count and --set /surface/volume/isovalue=V\n" in done.stderr, done.stderr
+    spec = re.search(r"if the values are labels, submit this spec: ({.*})", done.stderr)[1]
+    done = subprocess.run([service.build / "hexadctl", "submit", "-", "--wait", "--set", "/sampling/count=300"], input=spec,
+                          capture_output=True, text=True, timeout=PATIENCE_S, env=service.environment())
+    assert "use surface.volume with an isovalue" in done.stdout, done.stdout  # the file was found; its values are no labels
     done = sample(example, of=service)
     assert done.returncode == 1, done.stderr
     assert ("does not inspect files: the setting estimates is 0" if options[1] == 0 else "inspection took longer than 0.01 s") in done.stderr

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Workers in the sandbox: the same bytes as without for every kind of job, and no file but those that are theirs."""
+import hashlib
 import os
 import json
 import pathlib
@@ -9,7 +10,8 @@ import numpy
 import pytest
 
 import volumes
-from service import PATIENCE_S, last_words, long_sphere, processes, sphere, wait_until
+from ply_files import write_ply
+from service import PATIENCE_S, expect_problem, last_words, long_sphere, processes, sphere, wait_until
 
 TETRAHEDRON = """OFF
 4 4 0
@@ -80,6 +82,81 @@ def test_no_input_root_means_no_file(worker, inputs):
     done = worker(spec_of(surface(inputs, "vdb")), "--sandbox", "available")
     assert done.returncode == 3
     assert last_words(done)["code"] == "path_forbidden"
+
+
+# ---- the second file of a job: a map of spacings on the vertices of a mesh
+
+def write_map(path, ratio=4):
+    """Spacings on a tetrahedron around the sphere, `ratio` to 1 along x."""
+    corners = numpy.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    faces = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    write_ply(path, corners, faces, {"quality": ("float", numpy.where(corners[:, 0] > 0, ratio, 1))}, "ascii")
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def mapped(path):
+    return sphere(200, sampling={"count": 200, "grid": {"path": str(path), "name": "quality"}}, output={"preview": False})
+
+
+@pytest.fixture
+def roots(tmp_path):
+    """An input root with a map, and a folder beside it with another one, to which links in the root lead."""
+    root, outside = tmp_path / "root", tmp_path / "outside"
+    root.mkdir()
+    outside.mkdir()
+    write_map(root / "map.ply")
+    write_map(outside / "map.ply")
+    (root / "link.ply").symlink_to(outside / "map.ply")
+    (root / "folder").symlink_to(outside)
+    return root, outside
+
+
+def test_a_map_is_read_in_the_sandbox(worker, roots, tmp_path):
+    for mode in ("off", "available"):
+        done = worker(mapped(roots[0] / "map.ply"), "--input-root", roots[0], "--sandbox", mode, output=mode)
+        assert done.returncode in (0, 10, 11), done.stderr
+    assert (tmp_path / "off" / "points.ply").read_bytes() == (tmp_path / "available" / "points.ply").read_bytes()
+
+
+@pytest.mark.parametrize("mode", ["available", "off"])
+def test_a_map_outside_of_the_roots_is_refused_by_the_worker(worker, roots, mode):
+    root, outside = roots
+    for path in (outside / "map.ply", root / ".." / "outside" / "map.ply", root / "link.ply", root / "folder" / "map.ply"):
+        done = worker(mapped(path), "--input-root", root, "--sandbox", mode)
+        assert done.returncode == 3 and last_words(done)["code"] == "path_forbidden", (path, done.stderr)
+
+
+def test_a_map_outside_of_the_roots_is_refused_by_the_service(new_service, roots):
+    root, outside = roots
+    service = new_service("--input_roots", root).start()
+    for path in (outside / "map.ply", "../outside/map.ply", "link.ply", "folder/map.ply"):
+        expect_problem(service.post("/v1/jobs", mapped(path)), 403, "path_forbidden", "/sampling/grid/path")
+
+
+def test_a_map_that_is_replaced_while_its_job_waits(new_service, build, roots, tmp_path):
+    """The job reads what is there when it starts, and nothing outside of the roots."""
+    root, outside = roots
+    gate, program = tmp_path / "gate", tmp_path / "waiting-worker"
+    program.write_text(f'#!/bin/sh\nwhile ! [ -e {gate} ]; do sleep 0.01; done\nexec {build.resolve() / "hexad-worker"} "$@"\n')
+    program.chmod(0o700)
+    names = ("other.ply", "link.ply", "folder.ply", "pipe.ply", "none.ply")
+    (root / "link.ply").unlink()
+    for name in names:
+        write_map(root / name)
+    service = new_service("--input_roots", root, "--worker", program).start()
+    jobs = {name: service.submit(mapped(name)) for name in names}
+    for name in names:
+        (root / name).unlink()
+    digest = write_map(root / "other.ply", 2)
+    (root / "link.ply").symlink_to(outside / "map.ply")
+    (root / "folder.ply").mkdir()
+    os.mkfifo(root / "pipe.ply")
+    gate.touch()
+    service.wait_state(jobs["other.ply"], "succeeded")
+    report = service.get(f"/v1/jobs/{jobs['other.ply']}/results/report.json").json
+    assert [(i["path"], i["sha256"]) for i in report["inputs"]] == [("other.ply", digest)]
+    codes = {name: service.wait_state(jobs[name], "failed")["error"]["code"] for name in names[1:]}
+    assert codes == {"link.ply": "path_forbidden", "folder.ply": "input_unsupported", "pipe.ply": "input_unsupported", "none.ply": "input_missing"}
 
 
 @pytest.mark.sanitized

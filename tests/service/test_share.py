@@ -69,7 +69,7 @@ def test_a_range_runs_its_frames_in_order(place):
     fractions = [float(value) for name, value in told if name == "openjd_progress"]
     assert fractions == sorted(fractions) and fractions[0] == 0 and 50 in fractions and 95 < fractions[-1] <= 100
     states = [value for name, value in told if name == "openjd_status"]
-    assert states == [f"frame {n}: {state}" for n in (1, 3) for state in ("load", "start", "relax", "measure", "write", "converged")]
+    assert states == [f"frame {n}: {state}" for n in (1, 3) for state in ("load", "start", "relax", "measure", "curvature", "weights", "write", "converged")]
     for frames in ("3-1", "1-", "a", "1-3:0", "1-3,", ""):
         assert run(place, "hexad-frame", "spec.json", "out", frames).returncode == 2
 

@@ -143,6 +143,7 @@ def test_the_client_holds_and_releases(new_service):
     code, out, _ = control(service, "release")  # the job may have begun before the answer
     assert code == 0 and out in ("the hold is ended\n0 attempts run\n", "the hold is ended\n1 attempt runs\n") and "held" not in control(service, "workers")[1]
     service.wait_state(job, "succeeded")
+    assert control(service, "release")[1].startswith("the queue was not held\n")
     assert control(service, "list")[2] == control(service, "show", job)[2] == ""
 
 

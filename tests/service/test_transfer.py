@@ -125,7 +125,7 @@ def test_an_input_is_sent_and_used(new_service):
     expect_problem(service.post("/v1/jobs", mesh(f"sha256:{name}")), 422, "input_missing", "/surface/mesh/path")
     first = put(service, TETRAHEDRON)
     assert first.status == 201 and first.headers["Location"] == f"/v1/inputs/{name}"
-    assert first.json == {"sha256": name, "bytes": len(TETRAHEDRON), "path": f"sha256:{name}", "name": None}
+    assert first.json == {"sha256": name, "bytes": len(TETRAHEDRON), "path": f"sha256:{name}", "name": None, "sent": first.json["sent"]}
     again = put(service, TETRAHEDRON)
     assert again.status == 200 and again.json == first.json
     assert service.get(f"/v1/inputs/{name}").json == first.json
@@ -221,9 +221,11 @@ def test_inputs_that_are_refused(new_service):
     assert "all uploads have 1000 of 1500 bytes (setting upload_total_bytes)" in refused.json["detail"]
     assert put(service, b"c" * 500).status == 201
     assert len(kept_by(service)) == 2
-    # what was given up gave its room back
+    # a deleted file releases its space
     name = hashlib.sha256(b"a" * 1000).hexdigest()
-    assert service.request("DELETE", f"/v1/inputs/{name}").status == 403  # nobody administers over an open port
+    expect_problem(service.request("DELETE", f"/v1/inputs/{name}?all=1"), 403, "forbidden")  # an open port has no administrators
+    assert service.request("DELETE", f"/v1/inputs/{name}").status == 204
+    assert put(service, b"b" * 1000).status == 201
 
 
 def test_a_broken_upload_leaves_nothing(new_service):
@@ -355,7 +357,8 @@ def test_the_same_bytes_make_it_ones_own(shared_by):
     service.end(9)
     service.start()
     assert service.ask("bob", "GET", where).status == 200  # noted for good
-    assert service.ask("root", "DELETE", where).status == 204
+    expect_problem(service.ask("root", "DELETE", where), 404, "not_found")  # not uploaded by root
+    assert service.ask("root", "DELETE", where + "?all=1").status == 204
     assert not list((service.state / "inputs").iterdir())
     assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
     expect_problem(service.ask("bob", "GET", where), 404, "not_found")
@@ -400,9 +403,32 @@ def test_the_name_of_an_upload_is_shown_to_its_sender_only(shared_by, tmp_path):
         content = path.read_bytes()
         assert not any(text.encode() in content for text in (secret, other, "third.obj")), path
     # it goes with the file
-    assert service.ask("root", "DELETE", where).status == 204
+    assert service.ask("root", "DELETE", where + "?all=1").status == 204
     assert not list((service.state / "inputs").iterdir())
     assert inputs_seen_by("alice") == {"alice": None, "bob": None, "root": None}
+
+
+def test_messages_name_an_upload_to_its_sender_only(shared_by):
+    service = shared_by()
+    broken = b"ply\nformat ascii 1.0\nelement vertex 3\n"
+    name = hashlib.sha256(broken).hexdigest()
+    assert service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of("my scan.v2.ply"), raw=broken).status == 201
+    job = service.ask("alice", "POST", "/v1/jobs", mesh(f"sha256:{name}.ply")).json["id"]
+    ended = service.ask("alice", "GET", f"/v1/jobs/{job}", Prefer=f"wait={PATIENCE_S}")
+    assert ended.json["state"] == "failed"
+
+    def messages_seen_by(user):
+        answers = service.ask(user, "GET", f"/v1/jobs/{job}").json, service.ask(user, "GET", "/v1/jobs").json["jobs"][0]
+        tasks = service.ask(user, "GET", f"/v1/jobs/{job}/tasks").json["tasks"]
+        return {answer["error"]["message"] for answer in (*answers, *tasks)}
+
+    (stored,) = messages_seen_by("root")
+    assert f"sha256:{name}.ply" in stored
+    named = stored.replace(f"sha256:{name}.ply", f"my scan.v2.ply (sha256:{name[:8]}...)")
+    assert messages_seen_by("alice") == {named}
+    assert service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of("b.ply"), raw=b"").status == 200
+    fresh = service.ask("alice", "GET", f"/v1/jobs/{job}", **{"If-None-Match": ended.headers["ETag"]})
+    assert fresh.status == 200 and fresh.json["error"]["message"] == named.replace("my scan.v2.ply", "b.ply")
 
 
 @pytest.mark.sanitized
@@ -423,6 +449,128 @@ def test_the_name_of_a_shared_upload_belongs_to_each_user(shared_by):
     got = exchange(service, f"PUT {where}?name=a.obj HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {token}\r\n"
                             f"Expect: 100-continue\r\nContent-Length: {len(TETRAHEDRON)}\r\n\r\n".encode())
     assert got.startswith(b"HTTP/1.1 200 ") and b"100 Continue" not in got
+
+
+def uploads_of(service, user, limit=500):
+    """All entries of the user's list, read in pages."""
+    entries, cursor = [], ""
+    while cursor is not None:
+        page = service.ask(user, "GET", f"/v1/inputs?limit={limit}{cursor}").json
+        assert len(page["inputs"]) <= limit
+        entries += page["inputs"]
+        cursor = page["next"] and f"&cursor={page['next']}"
+    return entries
+
+
+def test_users_list_their_uploads(shared_by):
+    service = shared_by()
+    contents = [b"file %d" % i for i in range(5)]
+    names = [hashlib.sha256(content).hexdigest() for content in contents]
+    for user in ("alice", "bob"):
+        assert uploads_of(service, user) == []
+    for i, (name, content) in enumerate(zip(names, contents)):
+        sent = service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of(f"{i}.obj"), raw=content)
+        shown = service.ask("alice", "GET", f"/v1/inputs/{name}").json
+        assert sent.json == shown and shown["sent"] is not None
+    assert service.ask("bob", "PUT", f"/v1/inputs/{names[0]}", raw=contents[0]).status == 201
+    entries = uploads_of(service, "alice")
+    assert sorted(entry["name"] for entry in entries) == [f"{i}.obj" for i in range(5)]
+    assert sorted(entries, key=lambda entry: entry["sent"], reverse=True) == entries
+    assert all(entry["bytes"] == 6 and entry["path"] == "sha256:" + entry["sha256"] and entry["jobs"] == []
+               and entry["job_count"] == entry["unfinished_count"] == 0 and entry["used"] for entry in entries)
+    for limit in (1, 2, 5):
+        assert uploads_of(service, "alice", limit) == entries
+    # an entry that is deleted between two pages skips no other one
+    page = service.ask("alice", "GET", "/v1/inputs?limit=2").json
+    assert service.ask("alice", "DELETE", f"/v1/inputs/{page['inputs'][1]['sha256']}").status == 204
+    rest = service.ask("alice", "GET", f"/v1/inputs?cursor={page['next']}").json
+    assert rest == {"inputs": entries[2:], "next": None}
+    for wrong in ("x", "1-", "1-zz", "-" + names[0]):
+        expect_problem(service.ask("alice", "GET", f"/v1/inputs?cursor={wrong}"), 400, "request_invalid")
+    # other users see neither entries nor names
+    assert [(entry["sha256"], entry["name"]) for entry in uploads_of(service, "bob")] == [(names[0], None)]
+    assert uploads_of(service, "root") == []
+    service.end(9)
+    service.start()
+    assert uploads_of(service, "alice") == entries[:1] + entries[2:]
+
+
+def test_a_list_of_uploads_has_the_own_jobs_that_read_them(shared_by, tmp_path):
+    service = shared_by("--worker", gated_worker(tmp_path), "--workers", 1)
+    where = f"/v1/inputs/{hashlib.sha256(TETRAHEDRON).hexdigest()}"
+    spec = mesh(service.ask("alice", "PUT", where, raw=TETRAHEDRON).json["path"] + ".obj")
+    assert service.ask("bob", "PUT", where, raw=TETRAHEDRON).status == 201
+    jobs = {user: [service.ask(user, "POST", "/v1/jobs", spec).json["id"] for _ in range(count)]
+            for user, count in (("alice", 2), ("bob", 1))}
+    for user, ids in jobs.items():
+        entry, = uploads_of(service, user)
+        assert (entry["jobs"], entry["job_count"], entry["unfinished_count"]) == (ids[::-1], len(ids), len(ids))
+    assert service.ask("alice", "POST", f"/v1/jobs/{jobs['alice'][1]}/cancel").status == 200
+    entry, = uploads_of(service, "alice")
+    assert (entry["jobs"], entry["job_count"], entry["unfinished_count"]) == (jobs["alice"][::-1], 2, 1)
+
+
+def test_a_deleted_upload_stays_for_other_users_and_for_unfinished_jobs(shared_by):
+    size = len(TETRAHEDRON)
+    service = shared_by("--user_upload_bytes", size)
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    where, file = f"/v1/inputs/{name}", service.state / "inputs" / f"sha256:{name}"
+    spec = mesh(f"sha256:{name}.obj")
+    for user in ("alice", "bob"):
+        assert service.ask(user, "PUT", where + query_of(f"{user}.obj"), raw=TETRAHEDRON).status == 201
+    # one user deletes it: it has neither file nor name any more, and space for another file
+    expect_problem(service.ask("alice", "DELETE", where + "?all=1"), 403, "forbidden")
+    assert service.ask("alice", "DELETE", where).status == 204
+    expect_problem(service.ask("alice", "DELETE", where), 404, "not_found")
+    expect_problem(service.ask("alice", "GET", where), 404, "not_found")
+    expect_problem(service.ask("alice", "POST", "/v1/jobs", spec), 422, "input_missing", "/surface/mesh/path")
+    assert uploads_of(service, "alice") == [] and file.exists()
+    other = b"x" * size
+    assert service.ask("alice", "PUT", f"/v1/inputs/{hashlib.sha256(other).hexdigest()}", raw=other).status == 201
+    # the other user has a job, which runs although its owner deletes the file before
+    assert service.ask("bob", "GET", where).json["name"] == "bob.obj"
+    assert service.ask("root", "POST", "/v1/admin/hold").status == 200
+    job = service.ask("bob", "POST", "/v1/jobs", spec).json["id"]
+    assert service.ask("bob", "DELETE", where).status == 204
+    assert file.exists() and uploads_of(service, "bob") == []
+    expect_problem(service.ask("bob", "POST", "/v1/jobs", spec), 422, "input_missing", "/surface/mesh/path")
+    assert service.ask("root", "POST", "/v1/admin/release").status == 200
+    assert service.ask("bob", "GET", f"/v1/jobs/{job}", Prefer=f"wait={PATIENCE_S}").json["state"] == "succeeded"
+    # then no user and no job needs it: the next collection, here that of a start, removes it
+    service.end()
+    service.start()
+    wait_until(lambda: not file.exists(), "the collection")
+
+
+def test_the_last_user_that_deletes_an_upload_removes_it(shared_by):
+    service = shared_by()
+    where = f"/v1/inputs/{hashlib.sha256(TETRAHEDRON).hexdigest()}"
+    for user in ("alice", "bob"):
+        assert service.ask(user, "PUT", where + query_of("a.obj"), raw=TETRAHEDRON).status == 201
+    assert service.ask("bob", "DELETE", where).status == 204
+    assert kept_by(service)
+    assert service.ask("alice", "DELETE", where).status == 204
+    assert not list((service.state / "inputs").iterdir())
+
+
+@pytest.mark.sanitized
+def test_a_user_that_sends_a_shared_file_holds_it(shared_by):
+    """Whether the service needs the bytes or not."""
+    service = shared_by("--share_inputs", 1, "--user_upload_bytes", len(TETRAHEDRON))
+    where = f"/v1/inputs/{hashlib.sha256(TETRAHEDRON).hexdigest()}"
+    assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
+    assert service.ask("bob", "GET", where).json["sent"] is None and uploads_of(service, "bob") == []
+    assert service.ask("bob", "PUT", where, raw=b"").status == 200
+    assert service.ask("bob", "GET", where).json["sent"] is not None and len(uploads_of(service, "bob")) == 1
+    assert service.ask("alice", "DELETE", where).status == 204
+    assert service.ask("bob", "DELETE", where).status == 204
+    assert not list((service.state / "inputs").iterdir())
+    # the limit of a user applies to this file as well
+    other = f"/v1/inputs/{hashlib.sha256(b'x').hexdigest()}"
+    assert service.ask("bob", "PUT", other, raw=b"x").status == 201
+    assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
+    expect_problem(service.ask("bob", "PUT", where, raw=b""), 507, "storage_full")
+    assert [entry["bytes"] for entry in uploads_of(service, "bob")] == [1]
 
 
 def test_what_is_sent_can_be_shared(shared_by):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The units of systemd: verified, and so tight that systemd-analyze gives an exposure of 0.6, and 1.5 at most with an
 example."""
+import os
 import re
 import shutil
 import subprocess
@@ -81,3 +82,26 @@ def test_times_agree(units, build):
     drain, grace = (float(re.search(rf"^#{key} = (.*)$", sample, re.M)[1]) for key in ("drain_s", "grace_s"))
     stop = float(re.search(r"^TimeoutStopSec=(\d+)$", (units / "hexad.service").read_text(), re.M)[1])
     assert stop >= drain + grace + 10
+
+
+@pytest.mark.parametrize("listens, token, active, told", [("127.0.0.1:8642", False, False, True), ("127.0.0.1:8642", True, False, False),
+                                                          ("127.0.0.1:8642", False, True, False), ("/run/other.sock", False, False, False),
+                                                          (None, False, False, False)])
+def test_an_installation_with_a_port_and_without_tokens_says_what_to_do(source, tmp_path, listens, token, active, told):
+    """As after a purge that left a drop-in of the administrator."""
+    units = tmp_path.joinpath("etc", "systemd", "system", "hexad.socket.d")
+    programs, settings = tmp_path / "bin", tmp_path.joinpath("etc", "hexad")
+    for directory in units, programs, settings, tmp_path.joinpath("run", "systemd", "system"):
+        directory.mkdir(parents=True)
+    if listens:
+        (units / "tcp.conf").write_text(f"[Socket]\nListenStream={listens}\n")
+    (settings / "tokens").write_text("token\n" if token else "")
+    (programs / "systemctl").write_text(f"#!/bin/sh\nexit {0 if active else 3}\n")
+    (programs / "systemctl").chmod(0o755)
+    script = (source / "debian/hexad.postinst").read_text()
+    for place in "/etc/", "/run/":
+        script = script.replace(f" {place}", f" {tmp_path}{place}")
+    done = subprocess.run(["sh", "-s", "configure", ""], input=script, env={**os.environ, "PATH": f"{programs}:{os.environ['PATH']}"},
+                          capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert ("hexadctl token add USER" in done.stdout) == told and done.stdout.count("\n") == told

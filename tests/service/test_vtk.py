@@ -98,6 +98,7 @@ LEGACY_FAULTS = {
     "more numbers": (b"POLYGONS 3 13", b"POLYGONS 2 13", "of which 4 numbers belong to no cell"),
     "a negative point": (b"3 0 1 4", b"3 0 -1 4", "cell 1 of Polys has the point -1, and there are 5 points"),
     "a header": (b"ASCII", b"BASCII", '"BASCII" in place of ASCII or BINARY'),
+    "a version": (b"Version 3.0", b"Version three", "line 1 of the VTK file has a version that is not a number"),
     "no header": (b"# vtk DataFile", b"# vkt DataFile", 'does not begin with "# vtk DataFile Version"'),
 }
 
@@ -125,6 +126,29 @@ def test_legacy_files_that_are_refused(mesh_reader, tmp_path, fault):
     assert isinstance(answer, str) and words in answer, answer
 
 
+VALUES = b"POINT_DATA 5\nSCALARS s float\nLOOKUP_TABLE default\n0.5 1.5 2 3 4\n"
+METADATA = b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n"
+MISPLACED = {"twice": (b"TRIANGLE_STRIPS 1 4\n3 0 1 2\n", "begins Strips for the second time"), "behind values": (VALUES, "has POLYGONS behind values"),
+             "in metadata": (METADATA, "has POLYGONS in METADATA, which an empty line has to end"),
+             "behind a byte 0": (b"\0\n", "has a byte 0 in place of a word")}
+
+
+@pytest.mark.sanitized
+@pytest.mark.parametrize("command", ["read-mesh", "read-mesh-values"])
+@pytest.mark.parametrize("fault", MISPLACED)
+def test_cells_that_would_be_lost_are_refused(mesh_reader, tmp_path, fault, command):
+    before, words = MISPLACED[fault]
+    write_legacy(tmp_path / "v.vtk", POINTS, {"TRIANGLE_STRIPS": [STRIP]}, behind=before + b"POLYGONS 1 4\n3 0 1 2\n")
+    answer = mesh_reader(tmp_path / "v.vtk", command)
+    assert isinstance(answer, str) and (words in answer or (command, fault) == ("read-mesh-values", "behind values") and '"POLYGONS"' in answer), answer
+
+
+@pytest.mark.parametrize("behind", [VALUES, METADATA, METADATA + b"\n" + VALUES, b"\n\0\0\0"])
+def test_what_follows_the_cells_changes_no_triangle(mesh_reader, tmp_path, behind):
+    write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, behind=behind)
+    assert_pyramid((*mesh_reader(tmp_path / "v.vtk")[:2], "", 0))
+
+
 XML_FAULTS = {
     "a volume": ({"kind": "ImageData"}, None, 'the type "ImageData", and PolyData is read: it is a volume'),
     "another type": ({"kind": "UnstructuredGrid"}, None, "Extract Surface in ParaView"),
@@ -143,6 +167,14 @@ XML_FAULTS = {
     "an encoding": ({"mode": "appended"}, (b'encoding="base64"', b'encoding="hex"'), 'encoding "hex"'),
     "no data": ({"mode": "appended"}, (b"\n_", b"\n "), 'do not begin with "_"'),
     "an offset of data": ({"mode": "appended"}, (b'offset="32"', b'offset="99999999"'), "begins behind the end of the file"),
+    "fewer points": ({}, (b'NumberOfPoints="5"', b'NumberOfPoints="4"'), "array Points of piece 0 of the VTK file has more numbers"),
+    "fewer cells": ({}, (b'NumberOfPolys="3"', b'NumberOfPolys="2"'), "array offsets of Polys of piece 0 of the VTK file has more numbers"),
+    "a tail": ({}, (b"\n4 7 10\n", b"\n4 7 10x\n"), "or a damaged one"),
+    "points twice": ({}, (b"</Points>", b'<DataArray type="Float64" NumberOfComponents="3" format="ascii">0 0 0</DataArray></Points>'),
+                     "begins an array of its piece for the second time"),
+    "a byte order": ({}, (b"LittleEndian", b"MiddleEndian"), 'the byte_order "MiddleEndian"'),
+    "a type of lengths": ({}, (b'header_type="UInt32"', b'header_type="UInt16"'), 'the header_type "UInt16"'),
+    "no offset": ({"mode": "appended"}, (b' offset="32"', b""), "an appended array without an offset"),
     "another element": ({}, (b"VTKFile", b"KTVFile"), 'the element "KTVFile"'),
 }
 
@@ -236,6 +268,7 @@ VALUE_FAULTS = {
     "no table": (b"LOOKUP_TABLE", b"LOCKUP_TABLE", 'the array SCALARS "s", whose first lines are damaged'),
     "a type": (b"float", b"fleet", 'the type "fleet"'),
     "a word": (b"0.5 1.5", b"0.5 one", '"one" in place of a number of a field'),
+    "another number of values": (b"SCALARS s float\nLOOKUP_TABLE default\n0.5", b"FIELD f 1\ns 1 4 float\n", 'begins 4 values "s", and there are 5 points'),
     "many components": (b"float\n", b"float 4000000000\n", "begins 20000000000 numbers of a field"),
 }
 
@@ -255,6 +288,21 @@ def test_a_piece_without_the_values_of_another_is_refused(mesh_reader, tmp_path)
     pieces = [(POINTS, {"Polys": POLYS}), (POINTS + 5, {"Polys": POLYS})]
     write_xml(tmp_path / "v.vtp", pieces, values=[{"s": numpy.arange(5.0), "t": numpy.arange(5.0)}, {"t": numpy.arange(5.0)}])
     assert 'piece 1 of the VTK file has no values "s" of 1 components, which piece 0 has' in mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
+
+
+def test_values_that_a_piece_has_twice_are_refused(mesh_reader, tmp_path):
+    pieces = [(POINTS, {"Polys": POLYS}), (POINTS + 5, {"Polys": POLYS})]
+    write_xml(tmp_path / "v.vtp", pieces, values=[{"s": numpy.arange(5.0)}, {"s": numpy.arange(5.0), "t": numpy.arange(5.0)}])
+    (tmp_path / "v.vtp").write_bytes((tmp_path / "v.vtp").read_bytes().replace(b'"t"', b'"s"'))
+    assert 'piece 1 of the VTK file has the values "s" twice' in mesh_reader(tmp_path / "v.vtp", "read-mesh-values")
+
+
+def test_values_of_one_name_are_refused(solve, tmp_path):
+    write_legacy(tmp_path / "v.vtk", POINTS, {"POLYGONS": POLYS, "TRIANGLE_STRIPS": [STRIP]},
+                 behind=VALUES + b"SCALARS s float\nLOOKUP_TABLE default\n9 8 7 6 5\n")
+    for more in ({"attributes": [{"name": "s", "as": "size"}]}, {"sampling": {"count": 60, "grid": {"name": "s"}}}):
+        error, none = solve({"version": 1, "surface": {"mesh": {"path": "v.vtk"}}, "sampling": {"count": 60}, "output": {"preview": False}, **more})
+        assert none is None and error["code"] == "input_unsupported" and '2 values with the name "s": rename one of them' in error["message"], error
 
 
 def test_values_of_points_are_attributes(solve, tmp_path):

@@ -4,6 +4,7 @@
 All tests share one browser. Most tests share one daemon, or one daemon whose worker waits for the test.
 """
 import datetime
+import hashlib
 import json
 import signal
 import socket
@@ -745,10 +746,11 @@ def test_tables_of_a_job_fit_a_narrow_screen(service, narrow):
     hidden = dict(narrow.run("""return [...document.querySelectorAll("div.scroll")].map(part =>
         [part.getAttribute("aria-label"), part.scrollWidth - part.clientWidth])"""))
     assert hidden["Files"] == hidden["Measures"] == 0, hidden
-    # of an attempt, how it ended is in sight; its host and memory need not be
+    # of an attempt, how it ended and the button for its log are in sight; its host and memory need not be
     ends = narrow.run("""return [...document.querySelectorAll("[aria-label='List of attempts'] th")].map(heading =>
         [heading.innerText, heading.getBoundingClientRect().right])""")
-    assert dict(ends)["End"] <= 390, ends
+    button = narrow.run("return document.querySelector(\"[aria-label='List of attempts'] td button\").getBoundingClientRect().right")
+    assert dict(ends)["End"] <= 390 and button <= 390, (ends, button)
     # the sentence of a measure has half of the width
     assert narrow.run("return document.querySelector('.measures .hint').offsetWidth") >= 180
 
@@ -1107,6 +1109,33 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     browser.wait_text("Memory", ".estimate")
 
 
+def test_uploads_are_chosen_and_deleted(closed_service, browser):
+    secret = sign_in(browser, closed_service, "frank")
+    for name, text in (("a.obj", CUBE), ("b.obj", CUBE + "# b\n")):
+        where = f"/v1/inputs/{hashlib.sha256(text.encode()).hexdigest()}?name={name}"
+        assert closed_service.request("PUT", where, text.encode(), {"Authorization": f"Bearer {secret}"}).status == 201
+    browser.press("New job", "header")
+    browser.one(".uploads summary").click()
+    wait_until(lambda: sorted(browser.texts(".uploads td.name button")) == ["a.obj", "b.obj"], "the uploads")
+    browser.press("a.obj", ".uploads")
+    browser.wait_text("area", ".inspection")
+    path = json.loads(browser.text("#json", "value"))["surface"]["mesh"]["path"]
+    assert path == f"sha256:{hashlib.sha256(CUBE.encode()).hexdigest()}.obj"
+    browser.wait_text("Memory", ".estimate")
+    job = with_token(closed_service, secret, "POST", "/v1/jobs", json.loads(browser.text("#json", "value")) | {"name": "own"}).json["id"]
+    wait_until(lambda: with_token(closed_service, secret, "GET", f"/v1/jobs/{job}").json["state"] == "succeeded", "the end")
+    browser.driver.execute_script(f"location.hash = '#/jobs/{job}'")
+    browser.wait_text("a.obj", "[aria-label='Inputs'] td.name")
+    browser.press("New job", "header")
+    browser.one(".uploads summary").click()
+    browser.wait_text("1 job", ".uploads tbody")
+    browser.one("[aria-label='Delete a.obj']").click()
+    assert browser.driver.switch_to.alert.text == "Delete the upload a.obj?"
+    browser.driver.switch_to.alert.accept()
+    wait_until(lambda: browser.texts(".uploads td.name button") == ["b.obj"], "the row to go")
+    assert [upload["name"] for upload in with_token(closed_service, secret, "GET", "/v1/inputs").json["inputs"]] == ["b.obj"]
+
+
 def test_a_sequence_of_files_is_one_row(new_service, browser, tmp_path):
     root = tmp_path / "root"
     root.mkdir()
@@ -1230,6 +1259,30 @@ def test_an_audit_finds_no_barrier(closed_service, browser, audit):
         browser.open(closed_service, where)
         browser.one(there)
         audit()
+
+
+def test_axes_of_charts_have_numbers_that_do_not_overlap(service, browser):
+    """Whatever the range of the values; scales that are not linear have no numbers of their own in some."""
+    browser.open(service)
+    found = browser.driver.execute_async_script("""
+        const done = arguments[arguments.length - 1];
+        Promise.all([import("/page/chart.js"), import("/page/uplot.js")]).then(([{optionsOf, QUANTITIES}, {default: uPlot}]) => {
+          const ranges = [[.0031, .0085], [.031, .039], [0, .004], [-.002, .07], [.002, 3], [1e-7, .3], [.5, 40], [.2, .2], [-2, 0]];
+          const plots = QUANTITIES.slice(0, 2).flatMap(quantity => ranges.filter(([low]) => quantity.key !== "rms_step" || low > 0).map(range => {
+            const place = document.body.appendChild(document.createElement("div"));
+            return [quantity.key, range, new uPlot(optionsOf(quantity, ["run"], 400), [[1, 2], range], place)];
+          }));
+          setTimeout(() => done(plots.map(([key, range, plot]) => { // plots are drawn when the script has ended
+            const {_splits: ticks, _values: texts} = plot.axes[1];
+            const shown = ticks.map((tick, i) => [tick, texts[i]]).filter(([, text]) => text !== "");
+            return [key, range, shown.map(([tick, text]) => [tick, text, plot.valToPos(tick, "y")])];
+          })));
+        }, fault => done(String(fault)));""")
+    assert len(found) > 10, found
+    for key, (low, high), shown in found:
+        places = sorted(place for _, _, place in shown)
+        assert len(shown) >= 2 and all(b - a >= 20 for a, b in zip(places, places[1:])), (key, low, high, shown)
+        assert all(float(text.replace("\u202f", "")) == tick for tick, text, _ in shown), shown
 
 
 def test_reports_of_earlier_builds_are_read(service, browser):

@@ -156,7 +156,10 @@ def test_a_job_with_weights_is_estimated(build, tmp_path):
     spec = {"version": 1, "surface": TORUS, "sampling": {"count": 1000}, "attributes": WEIGHT, "output": {"preview": False}}
     done = subprocess.run([build / "hexad-worker", "estimate", "-", "--output", tmp_path / "a"], input=json.dumps(spec), text=True,
                           capture_output=True, timeout=PATIENCE_S, check=True)
-    assert json.loads(done.stdout)["seconds"] > 0
+    found = json.loads(done.stdout)
+    assert 0 < found["weights_seconds"] < found["seconds"]
+    report, _ = run(build, tmp_path / "b", TORUS, count=1000)
+    assert report["timing_s"]["weights"] > 0
 
 
 def test_the_guide_integrates_and_solves(build, source, tmp_path):

@@ -17,7 +17,7 @@ from readers import Points, read_exr, read_mesh, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
 OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
-PHASES = ["load", "start", "relax", "measure", "write"]
+PHASES = ["load", "start", "relax", "measure", "curvature", "weights", "write"]
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
 
 
@@ -859,6 +859,8 @@ def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
     assert reached == report["grading"]["largest_spacing"] / report["grading"]["least_spacing"]
     assert f"warning: sampling.curvature.ratio: the spacing varies by {reached:.3g}:1 (requested 10:1)" in done.stderr
     assert f"spacing {reached:.3g}:1" in done.stdout
+    permitted = float(re.search(r"with the exponent 1, the curvature of the surface permits ([0-9.]+):1\. Try a larger", done.stderr)[1])
+    assert reached <= permitted < 2, permitted
 
 
 def test_a_warning_about_the_ratio_names_the_member_that_changes_it(worker, tmp_path):
@@ -870,9 +872,12 @@ def test_a_warning_about_the_ratio_names_the_member_that_changes_it(worker, tmp_
                              sampling={"count": 1000, "curvature": {"ratio": 10, "exponent": exponent}}))
         report = json.loads((tmp_path / "out" / "report.json").read_text())
         reached.append(report["reached"]["ratio"])
-        assert f"Try a smaller and a larger sampling.curvature.exponent (now {exponent})" in done.stderr
+        assert ("Try a larger sampling.curvature.exponent" in done.stderr) == (exponent < 4), done.stderr
+        assert ("A larger ratio may reach more." in done.stderr) == (exponent == 4), done.stderr
         assert "gradation" not in done.stderr and "min_spacing" not in done.stderr
     assert reached[0] < 0.9 * reached[1] and reached[2] < 0.95 * reached[1]
+    worker(sphere(1000, surface=ellipsoid, sampling={"count": 1000, "curvature": {"ratio": 20, "exponent": 4}}))
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["reached"]["ratio"] > 1.2 * reached[2]
     worker(sphere(1000, surface=ellipsoid, sampling={"count": 1000, "curvature": {"ratio": 10}, "min_spacing": 0.1}))
     (warning,) = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
     assert "sampling.min_spacing limits it as well" in warning
@@ -897,7 +902,7 @@ def test_flat_facets_have_no_curvature(worker, tmp_path):
     done = worker(sphere(surface={"mesh": {"path": "box.off"}}, sampling={"count": 1500, "curvature": {"ratio": 10}}))
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["reached"]["ratio"] == pytest.approx(1, abs=1e-6)
-    assert "sampling.curvature.ratio: the spacing varies by 1:1 (requested 10:1)" in done.stderr
+    assert "sampling.curvature.ratio: the spacing varies by 1:1 (requested 10:1): the surface has the same curvature everywhere" in done.stderr
 
 
 def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):

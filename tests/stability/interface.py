@@ -110,7 +110,7 @@ def of_help(program, text):
     rows = {f"option {program} {word}": [] for word in re.findall(r"(?<![\w-])--[a-z][a-z_-]*", named)}
     exits = re.search(r"Exit (?:codes|status):[^\n]*(?:\n(?!\n).*)*", text)[0]
     rows |= {f"exit {program} {code}": [] for code in re.findall(r"(?<![\w.])(\d+) (?=[a-z])", exits)}
-    listed = {"hexad": "(?!)", "hexad-worker": r"hexad-worker ([a-z-]+)", "hexadctl": r"^  ([a-z]+(?:, [a-z]+)*) "}[program]
+    listed = {"hexad": "(?!)", "hexad-worker": r"hexad-worker ([a-z-]+)", "hexadctl": r"^  ([a-z][a-z-]*(?:, [a-z][a-z-]*)*) "}[program]
     return rows | {f"command {program} {word}": [] for words in re.findall(listed, text, re.M) for word in words.split(", ")}
 
 

@@ -30,4 +30,4 @@ def test_each_row_has_a_time_in_the_serving_thread(source, build, tmp_path):
     calls = lambda rows: [(row["row"], row["calls"]) for row in rows]
     rows = run(source, build, tmp_path / "serving_thread.csv", "--serving-thread")
     assert calls(rows) == calls(results.read(source / "measurements/isolation/serving_thread.csv"))
-    assert len([row for row in rows if ": " in row["row"] and float(row["whole_request_ms"]) > 0]) == 4
+    assert len([row for row in rows if ": " in row["row"] and float(row["whole_request_ms"]) > 0]) == 6

@@ -14,9 +14,11 @@
 #include "close.h"
 #include "geometry/space/packing.h"
 #include "surface/field/analytic.h"
+#include "surface/field/projection.h"
 #include "surface/field/region.h"
 #include "lattice_scenes.h"
 #include "surface/scan/surface.h"
+#include "volume_fixture.h"
 
 /* The circumradius of an equilateral triangle of side 1. */
 static const double IDEAL = 0.57735026918962576451;
@@ -176,6 +178,57 @@ static void cells_at_the_edges_of_a_formula_have_its_area(void **state)
     }
     surface_free(scan);
     analytic_free(a);
+    threads_free(pool);
+}
+
+/* Voxels (2, 1, 1) lie within it by 0.005 of their size of 0.1, so that triangles at them are small. */
+static const double RADIUS = 0.2454;
+
+static double from_ball(vec3 x)
+{
+    return vec3_norm(x) - RADIUS;
+}
+
+/* Points of a spiral at equal steps of height have cells of equal area on a sphere (Archimedes), except for a few at its
+ * poles. A face of a grid cell has the area of 260 Voronoi cells, and the volume's spline differs from the ball. */
+static void cells_within_one_grid_cell_have_their_areas(void **state)
+{
+    (void)state;
+    enum { COUNT = 20000, POLE = 50 };
+    static vec3 at[COUNT], normal[COUNT];
+    static double spacing[COUNT], local[COUNT];
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    fixture ball = fixture_make(fixture_uniform, 5, from_ball, 0.3);
+    volume *v = fixture_volume(&ball, NAN, VOLUME_INTERPOLATING);
+    surface *scan = surface_scan(volume_field(v), pool, &e);
+    const projection_limits limits = projection_draft(1e-6);
+    for (size_t k = 0; k < COUNT; k++) {
+        const double z = 1 - (2 * (double)k + 1) / COUNT, turn = M_PI * (3 - sqrt(5)) * (double)k;
+        at[k] = vec3_scale((vec3){sqrt(1 - z * z) * cos(turn), sqrt(1 - z * z) * sin(turn), z}, RADIUS);
+        assert_true(projection_find(volume_field(v), &limits, &at[k], &normal[k]));
+        spacing[k] = packing_spacing(scan->area, COUNT);
+    }
+    for (int exact = 0; exact < 2; exact++) {
+        double farthest, mean = 0;
+        measures got;
+        const measures_input in = {.surface = {.scan = scan, .patch_count = 1},
+                                   .count = COUNT,
+                                   .position = at,
+                                   .spacing = spacing,
+                                   .h = spacing[0],
+                                   .exact = exact,
+                                   .copy_count = COUNT,
+                                   .copy_normal = normal};
+        assert_true(measures_take(&in, pool, local, NULL, &farthest, &got, &e));
+        for (size_t k = 0; k < COUNT; k++) mean += packing_cell_area(local[k]) / COUNT;
+        for (size_t k = POLE; k < COUNT - POLE; k++)
+            assert_close(packing_cell_area(local[k]) / mean, 1, 0.15);
+        assert_close(got.euler, 2, 1e-9);
+    }
+    surface_free(scan);
+    volume_close(v);
+    fixture_free(&ball);
     threads_free(pool);
 }
 
@@ -558,6 +611,7 @@ int main(void)
         cmocka_unit_test(a_rectangle_of_slivers_is_measured_as_two_triangles),
         cmocka_unit_test(a_rectangle_cut_from_a_plane_is_measured_as_its_triangles),
         cmocka_unit_test(cells_at_the_edges_of_a_formula_have_its_area),
+        cmocka_unit_test(cells_within_one_grid_cell_have_their_areas),
         cmocka_unit_test(a_triangle_of_a_lattice_is_perfect),
         cmocka_unit_test(a_plate_half_a_spacing_thick_has_no_close_points),
         cmocka_unit_test(a_plate_a_tenth_of_a_spacing_thick_has_double_rows_along_its_rims),

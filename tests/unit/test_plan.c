@@ -84,7 +84,12 @@ static void a_count_out_of_range_recommends_a_value_that_is_accepted(void **stat
 static bool fits(const spec *s, double count, double left, double limit, error *e)
 {
     const plan_memory memory = {left, limit, 0};
-    return plan_check_memory(s, false, count, &memory, e);
+    return plan_check_memory(s, (plan_particles){0}, count, &memory, e);
+}
+
+static double bytes_of(const spec *s, double count)
+{
+    return plan_bytes(s, (plan_particles){0}, count);
 }
 
 static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
@@ -93,15 +98,23 @@ static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
     error e = {0};
     const spec plain = {0}, swarm = {.method = SPEC_METHOD_WITKIN_HECKBERT}, mesh = {.has_mesh = true};
     const spec pictures = {.has_preview = true, .preview_width = 512, .preview_height = 512};
-    double each = plan_bytes_per_particle(&plain, false);
-    assert_true(plan_bytes_per_particle(&swarm, false) > each);
-    assert_true(plan_bytes_per_particle(&mesh, false) > each);
-    assert_true(plan_bytes_per_particle(&plain, true) > each);
-    assert_true(plan_particle_memory(&plain, 1000, 300) == 700);
-    assert_true(plan_particle_memory(&pictures, 0, 0) < 0);
-    assert_true(fits(&plain, 100, 100 * each, 200 * each, &e));
-    assert_false(fits(&plain, 101, 100 * each, 200 * each, &e));
-    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    const double mib = 1 << 20, counts[] = {1e3, 1e5, 1e6};
+    for (size_t k = 0; k < 3; k++) {
+        const double n = counts[k], bytes = bytes_of(&plain, n);
+        assert_true(bytes_of(&swarm, n) > bytes && bytes_of(&mesh, n) > bytes);
+        assert_true(plan_bytes(&plain, (plan_particles){.is_continued = true}, n) > bytes);
+        assert_true(plan_bytes(&plain, (plan_particles){.has_patches = true}, n) > bytes);
+        assert_true(plan_bytes(&plain, (plan_particles){.more_bytes = 24}, n) - bytes == 24 * n);
+        assert_true(fits(&plain, n, bytes, 2 * bytes, &e));
+        assert_false(fits(&plain, n + 1, bytes, 2 * bytes, &e));
+        assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+        assert_float_equal(plan_fitting(&plain, (plan_particles){0}, bytes), n, 1e-6 * n);
+    }
+    const double left = plan_particle_memory(&plain, (size_t)(100 * mib), 0);
+    assert_true(left > 80 * mib && left < 100 * mib); /* the process takes some */
+    assert_true(left - plan_particle_memory(&plain, (size_t)(100 * mib), (size_t)mib) == mib);
+    assert_true(plan_particle_memory(&pictures, (size_t)(100 * mib), 0) < left);
+    assert_true(plan_fitting(&plain, (plan_particles){0}, -1) == 0);
 }
 
 static void the_limit_that_a_message_recommends_is_sufficient(void **state)
@@ -131,15 +144,15 @@ static void a_message_recommends_no_limit_that_no_job_may_have(void **state)
     spec plain = {.count = 1e6};
     const double mib = 1 << 20, limit = 64 * mib, left = 44 * mib, most = 128 * mib;
     const plan_memory memory = {left, limit, most}, wide = {left, limit, 1e4 * mib};
-    assert_false(plan_check_memory(&plain, false, 1e6, &memory, &e));
+    assert_false(plan_check_memory(&plain, (plan_particles){0}, 1e6, &memory, &e));
     assert_null(strstr(e.message, "set it to"));
     assert_non_null(strstr(e.message, "a job may have at most 128"));
     const double fewer = number_after(e.message, "lower /sampling/count to at most ");
-    assert_true(plan_check_memory(&plain, false, fewer, &memory, &e));
+    assert_true(plan_check_memory(&plain, (plan_particles){0}, fewer, &memory, &e));
     plain.count = 0;
-    assert_false(plan_check_memory(&plain, false, 1e6, &memory, &e));
+    assert_false(plan_check_memory(&plain, (plan_particles){0}, 1e6, &memory, &e));
     assert_non_null(strstr(e.message, "a job may have at most 128, so ask for fewer points"));
-    assert_false(plan_check_memory(&plain, false, 1e6, &wide, &e));
+    assert_false(plan_check_memory(&plain, (plan_particles){0}, 1e6, &wide, &e));
     assert_true(number_after(e.message, "set it to at least ") < 1e4);
 }
 
@@ -150,11 +163,11 @@ static void memory_includes_defect_repair(void **state)
                graded = {.method = SPEC_METHOD_SIZED, .has_curvature = true},
                in_time = {.method = SPEC_METHOD_SIZED, .has_curvature = true, .time_s = 1},
                other = {.method = SPEC_METHOD_PAPER, .has_curvature = true};
-    assert_true(plan_bytes_per_particle(&graded, false) >= plan_bytes_per_particle(&plain, false) + 150);
+    assert_true(bytes_of(&graded, 1e4) >= bytes_of(&plain, 1e4) + 150e4);
     assert_true(plan_particle_memory(&graded, 1000, 300) < plan_particle_memory(&plain, 1000, 300) - 4e6);
-    assert_true(plan_bytes_per_particle(&in_time, false) == plan_bytes_per_particle(&plain, false));
-    assert_true(plan_particle_memory(&in_time, 1000, 300) == 700);
-    assert_true(plan_bytes_per_particle(&other, false) == plan_bytes_per_particle(&plain, false));
+    assert_true(bytes_of(&in_time, 1e4) == bytes_of(&plain, 1e4));
+    assert_true(plan_particle_memory(&in_time, 1000, 300) == plan_particle_memory(&plain, 1000, 300));
+    assert_true(bytes_of(&other, 1e4) == bytes_of(&plain, 1e4));
 }
 
 /* If patches with a uniform spacing are requested. */
@@ -174,7 +187,7 @@ static void defects_of_patches_are_repaired(void **state)
     assert_false(plan_repairs_defects(&rows) || plan_repairs_defects(&resolved) ||
                  plan_repairs_defects(&in_time) || plan_repairs_defects(&plain));
     /* no memory is reserved for a pass that is not made */
-    assert_true(plan_bytes_per_particle(&many, false) == plan_bytes_per_particle(&plain, false));
+    assert_true(bytes_of(&many, 1e4) == bytes_of(&plain, 1e4));
 }
 
 int main(void)

@@ -156,7 +156,17 @@ static bool is_known(place *p, const char *id)
     return found;
 }
 
-/* An uploaded file that was last used this long ago. */
+/* Ann holds an uploaded file from now on. */
+static void hold_input(place *p, const char *name)
+{
+    char sender[STORE_HASH_SIZE];
+    store_hash("ann", 3, sender);
+    char *path = mem_printf("%s/inputs/sender:%s:%s", p->base, name + strlen(STORE_INPUT_PREFIX), sender);
+    assert_true(store_file_write(path, "", 0, NULL));
+    free(path);
+}
+
+/* An uploaded file that was last used this long ago, without a user that holds it. */
 static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
 {
     memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
@@ -216,6 +226,7 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
     assert_true(store_directory_create(directory, NULL));
     p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     char *sent = put_input(p, 'a', 1000, name);
+    hold_input(p, name);
     put(p, false, 36000, id);
     run(p, id, QUEUE_NO_FRAME);
     for (int start = 0; start < 2; start++) {
@@ -351,8 +362,11 @@ static void test_unused_uploads_are_removed(void **state)
     char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
     char *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
-    char *unused = put_input(p, 'a', 1000, name), *fresh = put_input(p, 'b', -100000, name),
-         *wanted = put_input(p, 'c', 1000, name);
+    char *unused = put_input(p, 'a', 1000, name);
+    hold_input(p, name);
+    char *fresh = put_input(p, 'b', -100000, name);
+    hold_input(p, name);
+    char *unheld = put_input(p, 'e', -100000, name), *wanted = put_input(p, 'c', 1000, name);
     p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     const char *inputs[] = {name};
@@ -365,6 +379,7 @@ static void test_unused_uploads_are_removed(void **state)
     pass(2 * HOUR);
     retention_wake(p->r);
     wait_gone(unused); /* in the same collection as the others */
+    wait_gone(unheld);
     assert_int_equal(access(fresh, F_OK), 0);
     assert_int_equal(access(wanted, F_OK), 0);
     run(p, id, QUEUE_NO_FRAME);
@@ -385,32 +400,38 @@ static void test_unused_uploads_are_removed(void **state)
     assert_true(info.st_mtim.tv_sec > clock_wall_ms() / 1000 - 50000);
     free(unused);
     free(fresh);
+    free(unheld);
     free(wanted);
     free(directory);
 }
 
-/* Without a retention time uploaded files are kept. The thread examines them once before it ends. */
+/* Without a retention time uploaded files are kept that users hold. The thread examines them once before it ends. */
 static void test_uploads_are_kept_without_a_retention_time(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
     char *unused = put_input(p, 'a', 1000, name);
+    hold_input(p, name);
+    char *unheld = put_input(p, 'b', 0, name);
     p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
     assert_non_null(p->inputs);
     begin_keeping(p, 0);
     end(p);
     assert_int_equal(access(unused, F_OK), 0);
+    assert_int_equal(access(unheld, F_OK), -1);
+    free(unheld);
     free(unused);
     free(directory);
 }
 
 #define SENT "xyz"
 
-static bool is_old(void *context, const char *name, int64_t used_ms)
+static bool is_old(void *context, const char *name, int64_t used_ms, bool held)
 {
     (void)context;
     (void)name;
+    (void)held;
     return used_ms < clock_wall_ms() - 500000;
 }
 

@@ -2,6 +2,7 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -157,6 +158,48 @@ static void the_error_of_the_first_surface_is_returned(void **state)
     assert_int_equal(e.code, ERROR_NO_SURFACE);
 }
 
+static void a_vdb_file_without_a_surface_is_explained_by_its_grids(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *grids, *told;
+    } rows[] = {
+        {"", "the file has no grid"},
+        {"{\"name\":\"d\",\"type\":\"float\",\"scalar\":true,\"active_voxels\":0},"
+         "{\"name\":\"s\",\"type\":\"float\",\"scalar\":true,\"active_voxels\":0},"
+         "{\"name\":\"v\",\"type\":\"vec3s\",\"scalar\":false}",
+         "the grids \"d\", \"s\" have no active voxels: choose another frame"},
+        {"{\"name\":\"d\",\"type\":\"float\",\"scalar\":true,\"active_voxels\":8}",
+         "the grid \"d\" has no isovalue with a surface: choose another frame"},
+        {"{\"name\":\"v\",\"type\":\"vec3s\",\"scalar\":false}", "the file has only the grid \"v\" (vec3s)"},
+        {"{\"name\":\"p\",\"type\":\"ptdataidx32\",\"scalar\":false}",
+         "the grid \"p\" (ptdataidx32) has points"},
+        {"{\"name\":\"d\",\"type\":\"float\",\"scalar\":true,\"error\":{\"message\":\"it ends early\"}}",
+         "a grid cannot be read: it ends early"},
+    };
+    const sample_options none = {0};
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        error e = {0};
+        char inspection[512];
+        snprintf(inspection, sizeof inspection, "{\"suggestions\":[],\"grids\":[%s]}", rows[i].grids);
+        assert_null(make(inspection, "b.vdb", &none, &e));
+        assert_int_equal(e.code, ERROR_NO_SURFACE);
+        assert_non_null(strstr(e.message, rows[i].told));
+        assert_null(strstr(e.message, "An image of a stack"));
+    }
+}
+
+static void a_vdb_file_with_an_isovalue_needs_no_inspection(void **state)
+{
+    (void)state;
+    static const char *const isovalue[] = {"/surface/vdb/isovalue=0.3"};
+    const sample_options whole = {.count = "50", .set = isovalue, .set_count = 1}, part = {.count = "50"};
+    assert_false(sample_spec_needs_inspection("vdb", &whole));
+    assert_true(sample_spec_needs_inspection("vdb", &part));
+    assert_true(sample_spec_needs_inspection("volume", &whole));
+    assert_false(sample_spec_needs_inspection("mesh", &part));
+}
+
 static void stems_and_endings(void **state)
 {
     (void)state;
@@ -207,6 +250,8 @@ int main(void)
         cmocka_unit_test(values_are_json_or_texts),
         cmocka_unit_test(malformed_options_are_refused),
         cmocka_unit_test(the_error_of_the_first_surface_is_returned),
+        cmocka_unit_test(a_vdb_file_without_a_surface_is_explained_by_its_grids),
+        cmocka_unit_test(a_vdb_file_with_an_isovalue_needs_no_inspection),
         cmocka_unit_test(stems_and_endings),
         cmocka_unit_test(a_name_that_is_too_long_is_left_out),
     };

@@ -733,7 +733,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"color\":\"shading\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":true,\"convergence\":false,"
         "\"points_vdb\":false,\"points_npz\":false,\"points_vtp\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
-        "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"max_attempts\":0},"
+        "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"image_pixels\":268435456,\"image_scans\":500,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"after_frames\":[],"
         "\"accept\":[\"converged\",\"unresolved\",\"not_converged\"],\"max_running\":0,\"chunk\":1,\"coherent\":false,"
         "\"retention_s\":0,\"slurm\":[]}}");

@@ -85,7 +85,6 @@ static void send_text(const place *p, const char *user, const char *text, char h
     assert_int_equal(store_upload_open(upload, NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_write(upload, text, strlen(text), NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
-    assert_true(store_inputs_note_sender(p->inputs, hex, user, NULL));
     store_upload_end(upload);
 }
 
@@ -122,7 +121,7 @@ static void test_a_user_has_a_limit_of_bytes(void **state)
     assert_int_equal(try_upload(p, "ann", 3), STORE_UPLOAD_USER_FULL);
     assert_int_equal(try_upload(p, "bob", 3), STORE_UPLOAD_USER_FULL);
     bool found;
-    assert_true(store_inputs_remove(p->inputs, hex, &found, NULL));
+    assert_true(store_inputs_remove(p->inputs, hex, true, &found, NULL));
     assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD);
     assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
 }
@@ -170,14 +169,14 @@ static void test_each_user_names_a_file(void **state)
     assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "a.obj", NULL));
     assert_true(store_inputs_set_file_name(p->inputs, hex, "bob", "a/../\"b\n", NULL));
     assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "b.obj", NULL));
-    assert_false(store_inputs_was_sent_by(p->inputs, hex, "bob")); /* a name gives no right */
+    assert_int_equal(store_inputs_find_sent(p->inputs, hex, "bob"), -1); /* a name gives no right */
     close_inputs(p);
     open_inputs(p);
     expect_name(p, hex, "ann", "b.obj");
     expect_name(p, hex, "bob", "a/../\"b\n");
     expect_name(p, hex, "cleo", NULL);
     assert_int_equal(count_entries(p), 4); /* the file, its sender and two names */
-    assert_true(store_inputs_remove(p->inputs, hex, &found, NULL));
+    assert_true(store_inputs_remove(p->inputs, hex, true, &found, NULL));
     assert_int_equal(count_entries(p), 0);
     assert_int_equal(try_upload(p, "ann", OF_USER), STORE_UPLOAD_GOOD); /* names use no space of users */
     assert_int_equal(try_upload(p, "bob", OF_USER), STORE_UPLOAD_GOOD);
@@ -192,6 +191,91 @@ static void test_each_user_names_a_file(void **state)
     assert_int_equal(count_entries(p), 0);
 }
 
+/* The number of files that the user holds, and the first one in *first. */
+static size_t list_held(const place *p, const char *user, store_input *first)
+{
+    store_input *list = NULL;
+    size_t count = 0;
+    assert_true(store_inputs_list(p->inputs, user, &list, &count, NULL));
+    if (count) *first = list[0];
+    free(list);
+    return count;
+}
+
+static void test_each_user_holds_a_file(void **state)
+{
+    place *p = *state;
+    char hex[STORE_HASH_SIZE], other[STORE_HASH_SIZE];
+    store_input first = {0};
+    bool found = false;
+    send_text(p, "ann", "12345678", hex);
+    send_text(p, "bob", "12345678", hex);
+    send_text(p, "ann", "xy", other);
+    assert_int_equal(list_held(p, "ann", &first), 2);
+    assert_int_equal(list_held(p, "cleo", &first), 0);
+    assert_int_equal(list_held(p, "bob", &first), 1);
+    assert_string_equal(first.hex, hex);
+    assert_int_equal(first.bytes, 8);
+    assert_int_equal(first.sent_ms, store_inputs_find_sent(p->inputs, hex, "bob"));
+    assert_int_equal(store_inputs_count_bytes(p->inputs, "ann"), 10);
+    /* one user ends its hold: its bytes are released, and the file stays for the other one */
+    assert_true(store_inputs_set_file_name(p->inputs, hex, "ann", "a.obj", NULL));
+    assert_true(store_inputs_release(p->inputs, hex, "ann", &found, NULL));
+    assert_true(found);
+    expect_name(p, hex, "ann", NULL);
+    assert_int_equal(store_inputs_find_sent(p->inputs, hex, "ann"), -1);
+    assert_int_equal(store_inputs_count_bytes(p->inputs, "ann"), 2);
+    assert_true(store_inputs_release(p->inputs, hex, "ann", &found, NULL));
+    assert_false(found);
+    assert_true(store_inputs_remove(p->inputs, hex, false, &found, NULL));
+    assert_false(found);
+    assert_int_equal(store_inputs_find(p->inputs, hex), 8);
+    /* without a hold it can be removed, and be held again before */
+    assert_true(store_inputs_release(p->inputs, hex, "bob", &found, NULL));
+    assert_int_equal(store_inputs_hold(p->inputs, hex, "cleo", NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_inputs_hold(p->inputs, hex, "cleo", NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_inputs_count_bytes(p->inputs, "cleo"), 8); /* counted once */
+    assert_int_equal(store_inputs_hold(p->inputs, other, "cleo", NULL), STORE_UPLOAD_GOOD);
+    send_text(p, "dan", "z", other);
+    assert_int_equal(store_inputs_hold(p->inputs, other, "cleo", NULL), STORE_UPLOAD_USER_FULL);
+    close_inputs(p);
+    open_inputs(p);
+    assert_int_equal(store_inputs_count_bytes(p->inputs, "cleo"), 10);
+    assert_true(store_inputs_release(p->inputs, hex, "cleo", &found, NULL));
+    assert_true(store_inputs_remove(p->inputs, hex, false, &found, NULL));
+    assert_true(found);
+    assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 3);
+    assert_int_equal(store_inputs_hold(p->inputs, hex, "cleo", NULL), STORE_UPLOAD_GONE);
+}
+
+/* A decision of store_inputs_collect. *context: the hash of a file that stays although no user holds it. */
+static bool is_unheld(void *context, const char *name, int64_t used_ms, bool held)
+{
+    (void)used_ms;
+    return !held && strcmp(name + strlen(STORE_INPUT_PREFIX), context) != 0;
+}
+
+static void test_a_collection_knows_which_files_are_held(void **state)
+{
+    place *p = *state;
+    char held[STORE_HASH_SIZE], wanted[STORE_HASH_SIZE], unheld[STORE_HASH_SIZE];
+    size_t gone = 0;
+    bool found;
+    send_text(p, "ann", "a", held);
+    send_text(p, "bob", "a", held);
+    send_text(p, "ann", "bb", wanted);
+    send_text(p, "ann", "ccc", unheld);
+    assert_true(store_inputs_release(p->inputs, held, "ann", &found, NULL));
+    assert_true(store_inputs_release(p->inputs, wanted, "ann", &found, NULL));
+    assert_true(store_inputs_release(p->inputs, unheld, "ann", &found, NULL));
+    assert_true(store_inputs_collect(p->inputs, is_unheld, wanted, &gone, NULL));
+    assert_int_equal(gone, 1);
+    assert_int_equal(store_inputs_find(p->inputs, unheld), -1);
+    assert_int_equal(store_inputs_find(p->inputs, wanted), 2);
+    assert_int_equal(store_inputs_find(p->inputs, held), 1);
+    assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 3);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -199,6 +283,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_bytes, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_simultaneous_uploads, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_each_user_names_a_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_each_user_holds_a_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_collection_knows_which_files_are_held, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("inputs", tests, NULL, NULL);
 }

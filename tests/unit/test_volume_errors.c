@@ -137,7 +137,8 @@ static void volumes_without_a_surface(void **state)
     fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
     vdb_draft d = fixture_draft(&fog);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
-    expect(fd, NULL, 7.5, ERROR_NO_SURFACE, WORDS("surface", "7.5", "lowest value, 0, and its highest, 1"));
+    expect(fd, NULL, 7.5, ERROR_NO_SURFACE,
+           WORDS("surface", "7.5", "above its lowest value, 0, and below its highest, 1"));
     expect(fd, NULL, INFINITY, ERROR_SPEC_INVALID, WORDS("isovalue"));
     close(fd);
     fixture_free(&fog);
@@ -157,9 +158,9 @@ static void plateaus_are_no_surface(void **state)
         vdb_draft d = fixture_draft(&fog);
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
-               WORDS("which equals its background", k == 0   ? "in 100 %"
-                                                    : k == 1 ? "between 0.1 and 1.1"
-                                                             : "between -1 and 1"));
+               WORDS("as where the background has this value", k == 0   ? "in 100 %"
+                                                               : k == 1 ? "above 0.1 and below 1.1"
+                                                                        : "above -1 and below 1"));
         close(fd);
         fixture_free(&fog);
     }

@@ -199,19 +199,35 @@ class Client(Service):
         if isinstance(file, bytes):
             return self.send(hashlib.sha256(file).hexdigest(), file, None) + (suffix or "")
         path = pathlib.Path(file)
-        return self.send(hash_file(path), path, path.name) + (path.suffix if suffix is None else suffix)
+        ending = "".join(path.suffixes[-2:]) if path.suffix == ".gz" else path.suffix
+        return self.send(hash_file(path), path, path.name) + (ending if suffix is None else suffix)
 
     def send(self, sha256: str, body: bytes | pathlib.Path, name: str | None) -> str:
         try:
             known = self.transport.get(f"/v1/inputs/{sha256}")
-            if name is None or known["name"] == name:
+            if known["sent"] is not None and (name is None or known["name"] == name):
                 return str(known["path"])
-            body = b""  # the service has the file; it gets another name
+            body = b""  # the service has the file; it becomes an upload of the caller, or gets another name
         except NotFound:
             pass
         where = with_query(f"/v1/inputs/{sha256}", {"name": name})
         known = self.transport.ask("PUT", where, body, {"Content-Type": "application/octet-stream"}, read=body_of)
         return str(known["path"])
+
+    def uploads(self) -> Iterator[dict[str, Any]]:
+        """The uploads of the caller, the newest first: name, path, length, times, and the caller's jobs that read the file."""
+        cursor = None
+        while True:
+            page = self.transport.get("/v1/inputs", {"limit": 500, "cursor": cursor})
+            yield from page["inputs"]
+            cursor = page["next"]
+            if cursor is None:
+                return
+
+    def delete_upload(self, path: str) -> None:
+        """Deletes an upload of the caller, given by its path in a spec. Jobs that have not ended can still read it."""
+        sha256 = path.removeprefix("sha256:").partition(".")[0]
+        self.transport.send("DELETE", f"/v1/inputs/{urllib.parse.quote(sha256)}")
 
     def validate(self, spec: AnySpec) -> dict[str, Any]:
         """Checks a spec as submit would: the spec with its defaults, and an estimate."""

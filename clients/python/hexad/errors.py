@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "Unreachable", "WaitTimeout"]
+__all__ = ["Damaged", "FaultWarning", "HexadError", "JobFailed", "OutcomeWarning", "Problem", "RowWarning", "SurfaceWarning", "Unreachable", "WaitTimeout"]
 
 
 class HexadError(Exception):
-    """Any fault."""
+    """Any fault.
+
+    code: what is wrong, in a word that does not change; None: the client found it
+    """
+
+    code: str | None = None
 
 
 class Unreachable(HexadError):
@@ -21,6 +26,14 @@ class FaultWarning(UserWarning):
 
 class OutcomeWarning(UserWarning):
     """The outcome of a call is not `converged`."""
+
+
+class RowWarning(UserWarning):
+    """A row of the arrays of frames is not the same point in each frame."""
+
+
+class SurfaceWarning(UserWarning):
+    """A warning in the report of a call: what hexad repaired, assumed or could not resolve."""
 
 
 class Damaged(HexadError):
@@ -42,7 +55,7 @@ class Problem(HexadError):
 
     def __init__(self, status: int, document: dict[str, Any]) -> None:
         self.status = status
-        self.code: str = document.get("code", "unknown")
+        self.code = document.get("code", "unknown")
         self.detail: str = document.get("detail", "")
         self.errors: list[dict[str, str]] = document.get("errors", [])
         super().__init__(f"{self.code}: {self.detail or document.get('title', status)}")
@@ -53,11 +66,12 @@ class JobFailed(HexadError):
 
     job: its id; "" of a call
     state: `failed`, `cancelled` or `timed_out`
-    code: of its error, such as `no_surface`; None of a job that was cancelled before it ran
+    error: its `code` and `message`; None of a job that was cancelled before it ran
+    code: of its error, such as `no_surface`
     """
 
     def __init__(self, job: str, state: str, error: dict[str, Any] | None) -> None:
-        self.job, self.state = job, state
-        self.code: str | None = error["code"] if error else None
+        self.job, self.state, self.error = job, state, error
+        self.code = error["code"] if error else None
         why = f"{error['code']}: {error['message']}" if error else ""
         super().__init__(why if not job else f"job {job} ended as {state}" + (f": {why}" if why else ""))

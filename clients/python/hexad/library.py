@@ -9,7 +9,7 @@ import json
 import os
 import pathlib
 import threading
-from typing import Any, Callable, Mapping, Sequence
+from typing import Any, Callable, Sequence
 
 from .errors import HexadError, JobFailed
 
@@ -81,25 +81,28 @@ def load_numpy() -> Any:
         raise HexadError("a call on arrays requires NumPy: install python3-numpy, or pip install numpy") from None
 
 
-def usable(values: Any) -> Any:
-    """An array of a type that the library has; the array itself if it is one."""
+def usable(values: Any, what: str) -> Any:
+    """An array of a type that the library has; the array itself if it is one. `what`: the name of the argument."""
     numpy = load_numpy()
-    found = numpy.asarray(values)
+    try:
+        found = numpy.asarray(values)
+    except ValueError:
+        raise HexadError(f"{what} has rows of unequal lengths: give an array") from None
     if found.dtype.name in TYPES and found.dtype.isnative:
         return found
     kind = {"b": "uint8", "e": "float32", "f": "float32" if found.dtype.itemsize <= 4 else "float64", "i": "int64",
             "u": "uint64"}.get(found.dtype.kind)
     if kind is None or found.dtype.kind == "O":
-        raise HexadError(f"an array has the type {found.dtype}, which is not a number: convert it")
+        raise HexadError(f"{what} has the type {found.dtype}, which is not a number: convert it")
     if found.dtype.name in TYPES:  # of the other byte order
         kind = found.dtype.name
     return found.astype(kind)
 
 
-def describe(values: Any) -> Array:
+def describe(values: Any, what: str) -> Array:
     """The description of an array, which must outlive it."""
     if values.ndim > 3:
-        raise HexadError(f"an array has {values.ndim} dimensions: give one with at most 3")
+        raise HexadError(f"{what} has {values.ndim} dimensions: give an array with at most 3")
     made = Array(values.ctypes.data, TYPES.index(values.dtype.name), values.ndim)
     for k in range(values.ndim):
         made.size[k], made.stride[k] = values.shape[k], values.strides[k]
@@ -109,9 +112,9 @@ def describe(values: Any) -> Array:
 class Job:
     """hexad_job, and the arrays that it reads."""
 
-    def __init__(self, spec: Mapping[str, Any]) -> None:
+    def __init__(self, spec: str) -> None:
         self.library = load()
-        self.handle = ctypes.c_void_p(self.library.hexad_job_new(json.dumps(spec).encode()))
+        self.handle = ctypes.c_void_p(self.library.hexad_job_new(spec.encode()))
         self.kept: list[Any] = []
 
     def __del__(self) -> None:
@@ -123,29 +126,29 @@ class Job:
             code, message = error.code.decode(), error.message.decode("utf-8", "replace")
             raise JobFailed("", STATES.get(code, "failed"), {"code": code, "message": message})
 
-    def pointer(self, values: Any) -> Any:
+    def pointer(self, values: Any, what: str) -> Any:
         if values is None:
             return None
-        found = usable(values)
+        found = usable(values, what)
         self.kept.append(found)
-        return ctypes.byref(describe(found))
+        return ctypes.byref(describe(found, what))
 
     def add_mesh(self, name: str, vertices: Any, faces: Any, counts: Any = None) -> None:
         error = Error()
-        self.check(self.library.hexad_job_add_mesh(self.handle, name.encode(), self.pointer(vertices), self.pointer(faces),
-                                                   self.pointer(counts), ctypes.byref(error)), error)
+        self.check(self.library.hexad_job_add_mesh(self.handle, name.encode(), self.pointer(vertices, "vertices"),
+                                                   self.pointer(faces, "faces"), self.pointer(counts, "counts"), ctypes.byref(error)), error)
 
     def add_grid(self, name: str, values: Any, affine: Any = None) -> None:
         error, numpy = Error(), load_numpy()
         matrix = None if affine is None else numpy.ascontiguousarray(affine, float)
         if matrix is not None and matrix.shape != (4, 4):
             raise HexadError(f"affine has the shape {matrix.shape}: it must have (4, 4)")
-        self.check(self.library.hexad_job_add_grid(self.handle, name.encode(), self.pointer(values),
+        self.check(self.library.hexad_job_add_grid(self.handle, name.encode(), self.pointer(values, "values"),
                                                    None if matrix is None else matrix.ctypes.data, ctypes.byref(error)), error)
 
     def add_points(self, name: str, rows: Any) -> None:
         error = Error()
-        self.check(self.library.hexad_job_add_points(self.handle, name.encode(), self.pointer(rows), ctypes.byref(error)), error)
+        self.check(self.library.hexad_job_add_points(self.handle, name.encode(), self.pointer(rows, "points"), ctypes.byref(error)), error)
 
     def set_places(self, directory: str | None, roots: Sequence[str]) -> None:
         if directory:

@@ -6,9 +6,10 @@ import array
 import importlib
 import pathlib
 import struct
+import warnings
 from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence
 
-from .errors import Damaged
+from .errors import Damaged, RowWarning
 
 __all__ = ["Points", "Stack", "obj_of", "read_ply"]
 
@@ -39,7 +40,7 @@ class Columns(Mapping[str, Any]):
 class Points(Columns):
     """The properties of all points by their names (`x`, `nx`, `spacing`, ...), each an array.
 
-    count: how many points there are
+    count: how many points there are; len() is the number of properties, as of every mapping
     triangles: of a mesh, three indices for each face; None: there are no faces
     """
 
@@ -90,6 +91,8 @@ class Stack(Columns):
             for key, column in points.items():
                 self.columns[key][row] = column
             self.names.append(name)
+        if "id" in self.columns and (self.columns["id"] != self.columns["id"][:1]).any():
+            warnings.warn("row k is not the same point in each frame: match rows by id, or use hexadctl attach", RowWarning, stacklevel=3)
 
     def __repr__(self) -> str:
         return f"<{len(self.names)} results, {len(self.missing)} missing, with {', '.join(self.columns)}>"

@@ -29,6 +29,7 @@ __all__ = [
     "Queue",
     "QueueByFrameValue",
     "Region",
+    "SampleMembers",
     "Sampling",
     "SamplingAlpha",
     "SamplingAlphaScale",
@@ -117,7 +118,7 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
 
     path: The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one
         of the service's input roots, or have been sent with hexadctl upload. Other files that it names are
-        not read.
+        read for the attribute base_color only (materials and images, below the input roots).
     voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
         longest side of the mesh's bounding box. Excludes resolution. (world)
     resolution: The number of voxels along the longest side of the bounding box of the mesh: a closed mesh is
@@ -781,7 +782,7 @@ class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
         place the value of the nearest point of its triangles.
     name: The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a
         mesh: the name of a value of its vertices, as of attributes: a property of a PLY file such as quality,
-        an array of the points of a VTK file, or color.
+        an array of the points of a VTK or GIfTI file, or color.
     component: The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and
         opacity, from 0 to 1. Required if the value has several components; only for meshes.
     kind: spacing: values are distances between neighbours, above 0. density: values are points per unit of
@@ -1061,11 +1062,11 @@ class AttributesItem(_AttributesItemRest):
         file in the same space; it moves with the transforms of the surface. Default: 'surface'.
     name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
         component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
-        or the name of a value of the vertices of a mesh. Geometric quantities: part (the number of the part
-        of a combined surface, from 0), direction1 or direction2 (of the principal curvatures), source (the
-        place on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight
-        (the quadrature weight: the sum of weight times f approximates the integral of f; excludes
-        sampling.attach and given points with mode avoid).
+        or the name of a value of the vertices of a mesh, or base_color: the colour of its materials and
+        images. Geometric quantities: part (the number of the part of a combined surface, from 0), direction1
+        or direction2 (of the principal curvatures), source (the place on the mesh: source_mesh, source_face,
+        source_corner and source_bary; doc/formats.md), weight (the quadrature weight: the sum of weight times
+        f approximates the integral of f; excludes sampling.attach and given points with mode avoid).
     as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
     type: The type of the values. Transforms of the surface rotate and scale vectors, rotate normals, and
         leave other types unchanged. A color is also written as the colour of the points in each format, a uv
@@ -1288,6 +1289,8 @@ class _LimitsRest(TypedDict, total=False):
     timeout_s: float
     stall_s: float
     max_chunks: int
+    image_pixels: int
+    image_scans: int
     max_attempts: int
 
 
@@ -1305,6 +1308,10 @@ class Limits(_LimitsRest):
         Default: 0.
     max_chunks: The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser
         level, needs fewer. (chunks) Default: 100000.
+    image_pixels: The maximum width times height of an image of a mesh (attributes: base_color). A larger one
+        is refused before it is decoded. (pixels) Default: 268435456.
+    image_scans: The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about
+        ten; each takes the time of a decoding. (scans) Default: 500.
     max_attempts: The maximum number of attempts if the worker crashes. (attempts) Default: 0.
     """
 
@@ -1430,3 +1437,38 @@ class Spec(_SpecNeeded, _SpecRest):
     limits: The resources that the job may use. 0: the default of the service or of the worker.
     queue: The job's place in the queue.
     """
+
+
+class SampleMembers(TypedDict, total=False):
+    """Keywords of hexad.sample: members of sampling and of the surface. An array may be in place of a path."""
+
+    spacing: float
+    density: float
+    pattern: Literal["hexagonal", "blue_noise"]
+    control: SamplingControl
+    time_s: float
+    resolve: bool
+    attach: str
+    feature: SamplingFeature
+    alpha: SamplingAlpha
+    curvature: SamplingCurvature
+    grid: Union[str, Mapping[str, Any]]
+    points: Any
+    curve_spacing: float
+    min_spacing: float
+    max_spacing: float
+    gradation: float
+    voxel_size: Union[float, Sequence[float]]
+    resolution: int
+    max_resolution: int
+    band_vox: int
+    weld: float
+    holes: Literal["keep", "fill"]
+    interior: Literal["auto", "keep", "drop"]
+    features: SurfaceMeshFeatures
+    on_mesh: bool
+    index: int
+    level: int
+    slices: str
+    isovalue: float
+    reconstruction: Literal["interpolating", "smoothing"]

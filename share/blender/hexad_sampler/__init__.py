@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """An add-on for Blender 3.4 and later, an example of a submitter: it samples the active mesh object by a hexad service.
 
-Copy the folder hexad_sampler into Blender's folder scripts/addons, and make the Python client available to Blender, for
-example with PYTHONPATH=/usr/share/hexad/python. Enable the add-on in the preferences. In the 3-D view press N and choose
-the tab hexad. The points become vertices of a new object, with every property as an attribute; Blender stays usable while the
+Copy this folder, /usr/share/hexad/blender/hexad_sampler of the package hexad or share/blender/hexad_sampler of a clone, into
+Blender's folder scripts/addons. Blender needs the Python client as well. Debian's Blender finds that of the package
+python3-hexad. For another Blender, copy /usr/lib/python3/dist-packages/hexad, or clients/python/hexad of a clone, into
+scripts/modules. Enable the add-on in the preferences. In the 3-D view press N and choose the tab hexad. The points become vertices of a new object, with every property as an attribute; Blender stays usable while the
 job runs. HEXAD_SERVER and HEXAD_TOKEN name the service, or the fields of the panel do.
 """
 import threading

@@ -7,12 +7,15 @@
 #ifndef HEXAD_BASE_CORE_DENIAL_H
 #define HEXAD_BASE_CORE_DENIAL_H
 
-/* What the process needs, and the command that permits it. */
+/* What the process needs, and the command that permits it. If the process owns the file or directory, the
+ * command changes the permissions of the owner. */
 typedef enum denial_need {
-    DENIAL_READ,   /* to read a file or directory of other users: permission for others */
-    DENIAL_WRITE,  /* to write to a directory of other users: permission for the group of the process */
-    DENIAL_OWN,    /* to own a file or directory of the service */
+    DENIAL_READ,  /* to read a file or directory of other users: permission for others */
+    DENIAL_WRITE, /* to write to a directory of other users: permission for the group of the process */
+    DENIAL_OWN, /* to own a file or directory of the service. If it belongs to a user other than root, this process is
+                     probably started as the wrong user */
     DENIAL_SECRET, /* to read a file that no other user may read, or that other users may read at present */
+    DENIAL_SETTINGS, /* to read the settings file: as DENIAL_READ, but a directory that is closed stays closed */
 } denial_need;
 
 /* Describes why access to the path is denied: by the first directory on the way that this process may not
@@ -23,6 +26,10 @@ char *denial_describe(const char *path, denial_need need);
 /* Describes that the directory of a user below an output root is missing and cannot be made. Any thread. The
  * caller frees the text. */
 char *denial_describe_directory_of_user(const char *path, const char *user);
+
+/* The end of a message about a directory on a read-only file system: how a unit of systemd permits writing. The
+ * caller frees it. */
+char *denial_describe_read_only(const char *directory);
 
 /* The end of a message about a failed call: ": " and the description if errno was EACCES or EPERM, otherwise
  * `otherwise`. The caller frees it. */

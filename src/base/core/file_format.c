@@ -67,7 +67,7 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .as_volume = "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a ""mesh as "
             "/surface/mesh/path)"},
     [FILE_FORMAT_GIFTI] = {.name = "GIfTI", .ending = {".gii"}, .within = "<GIFTI",
-        .reading = FILE_FORMAT_READ, .positions_only = true, .z_up = true,
+        .reading = FILE_FORMAT_READ, .z_up = true,
         .as_mesh = OTHER_ENDING("GIfTI", ".gii"),
         .as_volume = "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)"},
     [FILE_FORMAT_FBX] = {.name = "FBX", .ending = {".fbx"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},

@@ -98,7 +98,6 @@ typedef struct file_format_row {
     file_format_reading reading;
     bool is_written;
     bool has_points;          /* such files can be used as given points */
-    bool positions_only;      /* only the positions of mesh vertices are read */
     bool has_floats;          /* positions are written as floats, relative to an origin */
     bool z_up;                /* z points up in such files; otherwise y */
     bool up_varies;           /* in some files y points up, in others z */

@@ -11,6 +11,8 @@
 #include <assimp/commonMetaData.h>
 #include <assimp/importerdesc.h>
 
+#include "io/meshes/plain_textures.h"
+
 /* Maximum number of the library's warnings that are kept of a file. */
 enum { MOST_WARNINGS = 3 };
 /* Relative deviation of a length of 1 that is rounding of the library's floats. */
@@ -85,12 +87,21 @@ static const struct aiImporterDesc *importer_of(const struct aiScene *scene)
 
 static char *kept[MOST_WARNINGS];
 
+/* Whether the warnings about materials and images are kept, and not the others. */
+static bool keeps_textures;
+
+static bool is_about_textures(const char *text)
+{
+    return strcasestr(text, "material") || strcasestr(text, "texture") || strcasestr(text, "image");
+}
+
 /* Whether the text is about something that is not read anyway, or about the structure of an FBX file that the
  * library completes by its defaults. */
 static bool is_unrelated(const char *text)
 {
-    static const char *const words[] = {"material",    "texture",   "anim",   "image",         "light",
-                                        "Definitions", "hierarchy", "camera", "property table"};
+    static const char *const words[] = {"anim",      "light",  "Definitions",
+                                        "hierarchy", "camera", "property table"};
+    if (is_about_textures(text)) return true;
     for (size_t k = 0; k < sizeof words / sizeof *words; k++)
         if (strcasestr(text, words[k])) return true;
     return false;
@@ -101,8 +112,11 @@ static void keep(const char *line, char *unused)
 {
     const char *text = strstr(line, ": ");
     (void)unused;
-    if (!text || (strncmp(line, "Warn", 4) != 0 && strncmp(line, "Error", 5) != 0) || is_unrelated(line))
-        return;
+    if (!text || (strncmp(line, "Warn", 4) != 0 && strncmp(line, "Error", 5) != 0)) return;
+    /* the set of coordinates is determined by collada_textures */
+    const bool is_kept =
+        keeps_textures ? is_about_textures(line) && !strstr(line, "UV channel") : !is_unrelated(line);
+    if (!is_kept) return;
     char *copy = strndup(text + 2, strcspn(text + 2, "\n"));
     for (int k = 0; copy && k < MOST_WARNINGS; k++) {
         if (kept[k] && strcmp(kept[k], copy) == 0) break;
@@ -114,8 +128,9 @@ static void keep(const char *line, char *unused)
     free(copy);
 }
 
-void library_scene_listen(void)
+void library_scene_listen(bool textures)
 {
+    keeps_textures = textures;
     static const struct aiLogStream stream = {keep, NULL};
     aiAttachLogStream(&stream);
 }
@@ -214,6 +229,7 @@ bool library_scene_check(const struct aiScene *scene, plain_mesh *m)
     warn_of_axes_and_unit(scene->mMetaData, m);
     warn_of_nodes(scene, m);
     for (int k = 0; k < MOST_WARNINGS && kept[k]; k++)
-        plain_mesh_warn(m, "the library that reads the format reports: %s", kept[k]);
+        (keeps_textures ? plain_textures_warn
+                        : plain_mesh_warn)(m, "the library that reads the format reports: %s", kept[k]);
     return true;
 }

@@ -14,8 +14,9 @@
  * of no other. Returns false if *m is refused. */
 bool library_scene_accepts(const char *ending, plain_mesh *m);
 
-/* Begins to keep the warnings of the library about the next file. */
-void library_scene_listen(void);
+/* Begins to keep the warnings of the library about the next file. With `textures`: those about
+ * materials and images; otherwise the others. */
+void library_scene_listen(bool textures);
 
 /* Refuses a scene that was read from a format that is not read; the library also recognises formats by their
  * contents. Otherwise adds warnings about what is not applied: units, axes, hidden nodes, meshes without a

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "io/meshes/plain_textures.h"
+
 /* ---- XML */
 
 /* Maximum depth of elements whose parents are known; COLLADA files have about ten levels. */
@@ -22,6 +24,8 @@ typedef struct document {
     bool in_triangles;     /* the primitive is <triangles> */
     size_t triangles;      /* its count */
     size_t stride;         /* numbers for each corner of it */
+    size_t sets;           /* number of sets of texture coordinates of the primitive */
+    size_t gaps;           /* number of sets that have another number than the library gives them */
 } document;
 
 static bool refuse(document *d, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -70,6 +74,23 @@ static const struct {
     size_t numbers;
 } transforms[] = {{"translate", 3}, {"rotate", 4}, {"scale", 3}, {"matrix", 16}, {"lookat", 9}};
 
+/* Counts a set of texture coordinates. The library numbers the sets of a primitive from 0. A single one is found under any
+ * number. */
+static void count_set(document *d, const char *semantic, const char *set)
+{
+    if (!semantic || strcmp(semantic, "TEXCOORD") != 0) return;
+    d->gaps += d->sets > 0 && strtoull(set ? set : "", NULL, 10) != d->sets;
+    d->sets++;
+}
+
+static void warn_of_textures(const document *d)
+{
+    if (d->gaps > 0)
+        plain_textures_warn(
+            d->m, "%zu sets of texture coordinates are not numbered 0, 1, ...: images may use another set",
+            d->gaps);
+}
+
 static bool begin_collada(void *context, const char *name, const char **attributes)
 {
     document *d = context;
@@ -90,12 +111,15 @@ static bool begin_collada(void *context, const char *name, const char **attribut
         d->in_triangles = true;
         d->triangles = count ? d->declared : 0;
         d->stride = 1;
+        d->sets = 0;
     } else if (strcmp(name, "input") == 0 && offset) {
         if (!read_whole(offset, &place))
             return refuse(d, "the offset of <input> is \"%s\", which is not a number", offset);
         if (place >= d->stride) d->stride = place + 1;
+        count_set(d, xml_attribute(attributes, "semantic"), xml_attribute(attributes, "set"));
     } else if (strstr(name, "poly") || strstr(name, "tri")) {
         d->in_triangles = false;
+        d->sets = 0;
     }
     return true;
 }
@@ -193,9 +217,9 @@ static bool check_array(const char *data, const char *line, plain_mesh *m)
     for (at = values; (at = memchr(at, ',', (size_t)(last - at))); at++) count++;
     if (values + strspn(values, " \t\r\n") == last) count = 0;
     return count == declared ||
-           plain_mesh_refuse_line(m, data, line,
-                                  "of the FBX file has an array that declares %zu numbers and has %zu",
-                                  declared, count);
+           plain_mesh_refuse_at(m, data, line,
+                                "of the FBX file has an array that declares %zu numbers and has %zu",
+                                declared, count);
 }
 
 /* Refuses text in which a list of properties has one of them twice, or an array that is not what it declares. */
@@ -212,9 +236,9 @@ static bool check_fbx(const char *data, plain_mesh *m)
         }
         const size_t length = strcspn(name, "\"\n");
         if (name[length] == '"' && is_there(first, at, name, length))
-            return plain_mesh_refuse_line(m, data, at,
-                                          "of the FBX file has the property \"%.*s\" for the second time",
-                                          (int)(length < 60 ? length : 60), name);
+            return plain_mesh_refuse_at(m, data, at,
+                                        "of the FBX file has the property \"%.*s\" for the second time",
+                                        (int)(length < 60 ? length : 60), name);
     }
     return true;
 }
@@ -228,7 +252,9 @@ bool library_text_check(const char *ending, const char *data, size_t size, plain
     case FILE_FORMAT_COLLADA:
         d.reader.begin = begin_collada;
         d.reader.end = end_collada;
-        return plain_mesh_read_xml(m, &d.reader, "the COLLADA file");
+        if (!plain_mesh_read_xml(m, &d.reader, "the COLLADA file")) return false;
+        if (m->textures) warn_of_textures(&d);
+        return true;
     case FILE_FORMAT_X3D:
         d.reader.begin = begin_x3d;
         return plain_mesh_read_xml(m, &d.reader, "the X3D file");

@@ -35,6 +35,9 @@ static bool read_triangles(const mesh_array *a, size_t memory_limit, mesh *out, 
 {
     mesh m = {.vertex_count = a->vertices.size[0], .triangle_count = a->faces.size[0]};
     size_t unused = 0;
+    if (m.triangle_count == 0)
+        return error_set(e, ERROR_NO_SURFACE, "faces has no rows, and vertices has %zu: give the triangles",
+                         m.vertex_count);
     if (!mesh_check_counts(m.vertex_count, m.triangle_count, 0, memory_limit, e)) return false;
     m.vertex = read_vertices(&a->vertices, e);
     m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, what, e) : NULL;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/mesh_file.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -139,6 +140,99 @@ static bool read_polygons(reader *r, const mesh *m, size_t limit, mesh_polygons 
            reader_get(r, out->corner, sizeof *out->corner, out->corners, e) && check_polygons(m, out, e);
 }
 
+/* ---- textures */
+
+static void blank_name(char *name)
+{
+    for (char *c = name; *c; c++) /* the name comes from the file */
+        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
+}
+
+static bool check_material(mesh_material *m, const mesh_textures *t, error *e)
+{
+    double sum = 0;
+    if (!memchr(m->name, 0, sizeof m->name) || m->wrap[0] >= MESH_WRAPS || m->wrap[1] >= MESH_WRAPS ||
+        (m->image != MESH_TEXTURES_NONE && m->image >= t->images))
+        return reader_invalid(e);
+    blank_name(m->name);
+    for (int k = 0; k < 4; k++) sum += m->factor[k];
+    for (int k = 0; k < 6; k++) sum += m->transform[k / 3][k % 3];
+    return isfinite(sum) ||
+           error_set(e, ERROR_INPUT_DAMAGED,
+                     "the material \"%s\" has a number that is not finite. Save it again.", m->name);
+}
+
+static bool read_images(reader *r, size_t limit, mesh_textures *t, error *e)
+{
+    size_t left = limit;
+    if (!reader_get(r, t->image, sizeof *t->image, t->images, e)) return false;
+    for (size_t k = 0; k < t->images; k++) {
+        if (!memchr(t->image[k].name, 0, sizeof t->image[k].name)) return reader_invalid(e);
+        blank_name(t->image[k].name);
+    }
+    for (size_t k = 0; k < t->images; k++) {
+        const uint64_t bytes = t->image[k].bytes;
+        if (bytes > left)
+            return error_set(e, ERROR_LIMIT_MEMORY,
+                             "its images require more memory than is left: raise limits.memory_mb");
+        left -= bytes;
+        if (bytes == 0) continue;
+        t->data[k] = mem_array(bytes, 1, "the images of the mesh", e);
+        if (!t->data[k] || !reader_get(r, t->data[k], 1, bytes, e)) return false;
+    }
+    return true;
+}
+
+static bool read_corners(reader *r, size_t polygons, size_t corners, bool has_colors, mesh_textures *t,
+                         error *e)
+{
+    static const char what[] = "the texture coordinates of the mesh";
+    if (!(t->polygon_material = mem_array(polygons, sizeof *t->polygon_material, what, e)) ||
+        !(t->uv = mem_array(corners, sizeof *t->uv, what, e)) ||
+        (has_colors && !(t->color = mem_array(corners, sizeof *t->color, what, e))) ||
+        !reader_get(r, t->polygon_material, sizeof *t->polygon_material, polygons, e) ||
+        !reader_get(r, t->uv, sizeof *t->uv, corners, e) ||
+        (has_colors && !reader_get(r, t->color, sizeof *t->color, corners, e)))
+        return false;
+    for (size_t k = 0; k < polygons; k++)
+        if (t->polygon_material[k] != MESH_TEXTURES_NONE && t->polygon_material[k] >= t->materials)
+            return reader_invalid(e);
+    return true;
+}
+
+bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, size_t corners,
+                              mesh_textures *out, error *e)
+{
+    mesh_textures_header h;
+    if (!reader_get(r, &h, sizeof h, 1, e)) return false;
+    if (h.materials > MESH_TEXTURES_MOST || h.images > MESH_TEXTURES_MOST ||
+        h.libraries > MESH_TEXTURES_MOST || h.has_colors > 1)
+        return reader_invalid(e);
+    if (corners > memory_limit / (sizeof *out->uv + sizeof *out->color))
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "its texture coordinates require more memory than is left: raise limits.memory_mb");
+    out->material = mem_alloc(h.materials * sizeof *out->material);
+    out->library = mem_alloc(h.libraries * sizeof *out->library);
+    out->image = mem_alloc(h.images * sizeof *out->image);
+    out->data = mem_alloc(h.images * sizeof *out->data);
+    out->materials = h.materials;
+    out->libraries = h.libraries;
+    out->images = h.images;
+    if (!reader_get(r, out->material, sizeof *out->material, out->materials, e) ||
+        !reader_get(r, out->library, sizeof *out->library, out->libraries, e))
+        return false;
+    for (size_t k = 0; k < out->materials; k++)
+        if (!check_material(&out->material[k], out, e)) return false;
+    for (size_t k = 0; k < out->libraries; k++) {
+        if (!memchr(out->library[k], 0, sizeof out->library[k])) return reader_invalid(e);
+        blank_name(out->library[k]);
+    }
+    if (!memchr(h.warnings, 0, sizeof h.warnings)) return reader_invalid(e);
+    reader_blank(h.warnings, "\n");
+    memcpy(out->warnings, h.warnings, sizeof out->warnings);
+    return read_images(r, memory_limit, out, e) && read_corners(r, polygons, corners, h.has_colors, out, e);
+}
+
 void mesh_polygons_free(mesh_polygons *polygons)
 {
     free(polygons->size);
@@ -158,14 +252,23 @@ void mesh_values_free(mesh_values *values)
 bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e)
 {
     char list[600] = "";
-    for (*which = 0; *which < values->count; ++*which)
-        if (name && strcmp(values->head[*which].name, name) == 0) return true;
+    size_t found = 0;
+    for (size_t k = 0; k < values->count; k++)
+        if (name && strcmp(values->head[k].name, name) == 0) {
+            *which = k;
+            found++;
+        }
+    if (found > 1)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "the mesh has %zu values with the name \"%s\": rename one of them", found, name);
+    if (found == 1) return true;
     for (size_t k = 0; k < values->count; k++) {
         size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s\"%s\"", k ? ", " : "", values->head[k].name);
     }
-    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s", name ? name : "",
-                     *list ? list : "none (its vertices have positions only)");
+    return error_set(e, ERROR_ATTRIBUTE_MISSING, "the mesh has no \"%s\": choose one of %s%s",
+                     name ? name : "", *list ? list : "none (its vertices have positions only)",
+                     values->count == MESH_VALUES_MOST ? ", which are the first ones of the file" : "");
 }
 
 static void note_lines(mesh_notes *notes, char *text)
@@ -174,7 +277,7 @@ static void note_lines(mesh_notes *notes, char *text)
 }
 
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
-                     mesh_values *values, mesh_polygons *polygons, error *e)
+                     mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e)
 {
     mesh m = {0};
     char *text = NULL;
@@ -189,7 +292,9 @@ bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header,
         ok = m.triangle && reader_get(r, m.vertex, sizeof *m.vertex, m.vertex_count, e) &&
              read_triangles(r, &m, e) && mesh_check_vertices(&m, &unused, e) &&
              (!values || read_values(r, &m, memory_limit, values, e)) &&
-             (!polygons || read_polygons(r, &m, memory_limit, polygons, e));
+             (!polygons || read_polygons(r, &m, memory_limit, polygons, e)) &&
+             (!textures ||
+              mesh_file_parse_textures(r, memory_limit, polygons->count, polygons->corners, textures, e));
     }
     ok = ok && check_end(r, e);
     if (ok) note_lines(notes, text);
@@ -259,16 +364,17 @@ bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, err
 }
 
 static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
-                      mesh_values *values, mesh_polygons *polygons, error *e)
+                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e)
 {
     mesh m = {0};
     off_t size = 0;
     reader r;
-    const char *command = values     ? MESH_VALUES_COMMAND
+    const char *command = textures   ? MESH_TEXTURES_COMMAND
+                          : values   ? MESH_VALUES_COMMAND
                           : polygons ? MESH_POLYGONS_COMMAND
                                      : MESH_READER_COMMAND;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = mesh_file_parse(&r, file->memory_limit, header, &m, notes, values, polygons, e);
+    bool ok = mesh_file_parse(&r, file->memory_limit, header, &m, notes, values, polygons, textures, e);
     ok = reader_end(&r, ok, e);
     if (ok)
         *out = m;
@@ -277,26 +383,32 @@ static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *o
     return ok;
 }
 
+static void note_header(mesh_notes *notes, const mesh_reader_header *header)
+{
+    if (header->others)
+        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
+                  (unsigned long long)header->others);
+    mesh_check_note_crossed(notes, header->crossed);
+    if (header->end)
+        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
+                  (unsigned long long)header->end);
+}
+
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
-    if (!read_file(file, &header, out, notes, NULL, NULL, e)) return false;
-    if (header.others)
-        mesh_note(notes, "the mesh has %llu points or lines in addition to its triangles: they are skipped",
-                  (unsigned long long)header.others);
-    mesh_check_note_crossed(notes, header.crossed);
-    if (header.end)
-        mesh_note(notes, "the file has other data after its mesh, from byte %llu on: they are not read",
-                  (unsigned long long)header.end);
+    if (!read_file(file, &header, out, notes, NULL, NULL, NULL, e)) return false;
+    note_header(notes, &header);
     return true;
 }
 
-bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e)
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
     mesh_values read = {0};
-    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
-    if (read_file(file, &header, out, &unused, &read, NULL, e)) {
+    mesh_notes unused = {0};
+    if (read_file(file, &header, out, notes ? notes : &unused, &read, NULL, NULL, e)) {
+        if (notes) note_header(notes, &header);
         *values = read;
         return true;
     }
@@ -309,10 +421,48 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
     mesh_reader_header header = {0};
     mesh_polygons read = {0};
     mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
-    if (read_file(file, &header, out, &unused, NULL, &read, e)) {
+    if (read_file(file, &header, out, &unused, NULL, &read, NULL, e)) {
         *polygons = read;
         return true;
     }
     mesh_polygons_free(&read);
     return false;
+}
+
+bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
+                             mesh_textures *textures, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_polygons read = {0};
+    mesh_textures found = {0};
+    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
+    if (read_file(file, &header, out, &unused, NULL, &read, &found, e)) {
+        *polygons = read;
+        *textures = found;
+        return true;
+    }
+    mesh_polygons_free(&read);
+    mesh_textures_free(&found);
+    return false;
+}
+
+bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_textures found = {0};
+    char *text = NULL;
+    off_t size = 0;
+    reader r;
+    if (!reader_check_file(file->fd, "file of materials", &size, e) ||
+        !start(file, MESH_MATERIALS_COMMAND, size, &r, e))
+        return false;
+    bool ok = read_header(&r, &header, &text, e) &&
+              mesh_file_parse_textures(&r, file->memory_limit, 0, 0, &found, e) && check_end(&r, e);
+    free(text);
+    ok = reader_end(&r, ok, e);
+    if (ok)
+        *textures = found;
+    else
+        mesh_textures_free(&found);
+    return ok;
 }

@@ -9,12 +9,12 @@
 #include "base/core/reader.h"
 #include "geometry/mesh/mesh.h"
 #include "io/meshes/mesh_reader.h"
+#include "io/meshes/mesh_textures.h"
 
 typedef struct mesh_file {
     int fd;           /* open for reading, a regular file; its offset does not matter. It is not closed. */
     const char *path; /* its ending determines the format */
-    /* path of a program whose commands `read-mesh`, `read-mesh-values` and `read-mesh-polygons` call
-     * mesh_reader_main; NULL: this program itself */
+    /* path of a program whose commands of mesh_reader.h call mesh_reader_main; NULL: this program itself */
     const char *program;
     size_t memory_limit; /* bytes: for the reading process, and again for the mesh */
 } mesh_file;
@@ -38,14 +38,17 @@ typedef struct mesh_values {
     float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Files other than VTK are read by assimp. Therefore their vertices can
- * differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them.
- * There are no notes. The format GIfTI, and glTF files with quantised positions, are
- * input_unsupported. *out and *values are unchanged on failure; free both after success. */
-bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
+/* mesh_file_read, and the attributes. Files other than VTK and GIfTI are read by assimp. Therefore their vertices
+ * can differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them. OBJ,
+ * PLY, STL and OFF files are refused as by mesh_file_read. Values of parts that do not have them are NaN. `notes`:
+ * NULL if mesh_file_read adds the same ones. glTF files with quantised positions are input_unsupported. *out and
+ * *values are unchanged on failure; free both after success. */
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes,
+                           error *e);
 void mesh_values_free(mesh_values *values);
 
-/* Finds the array with this name, or NULL for none. Error: attribute_missing, with the names that there are. */
+/* Finds the array with this name, or NULL for none. Errors: attribute_missing, with the names that there are;
+ * input_unsupported (several arrays have the name). */
 bool mesh_values_find(const mesh_values *values, const char *name, size_t *which, error *e);
 
 /* The polygons of a file, from which its triangles are cut. Polygon p has size[p] corners; its first one is
@@ -63,6 +66,15 @@ typedef struct mesh_polygons {
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 
+/* Reads the mesh without repair, with its polygons and their textures. Libraries and images that are files are
+ * named, not read. Errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
+ * COLLADA. Free *out, *polygons and *textures after success. */
+bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
+                             mesh_textures *textures, error *e);
+
+/* Reads a file of materials (MTL), which has no polygons. Errors: as mesh_file_read_textures. */
+bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e);
+
 /* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors:
  * input_damaged (also for a coordinate that is not finite, with its row, from 0), input_unsupported
  * (another ending), limit_memory. */
@@ -72,10 +84,14 @@ bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, err
 bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e);
 
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives
- * the header of the answer. *notes receives its warnings. `values`, `polygons`: NULL if the answer has none;
- * otherwise zeroed before the call, and to be freed with mesh_values_free and mesh_polygons_free, also after
- * failure. *out is unchanged on failure. Errors: as mesh_file_read. */
+ * the header of the answer. *notes receives its warnings. `values`, `polygons`, `textures`: NULL if the answer has none;
+ * otherwise zeroed before the call, and to be freed with mesh_values_free, mesh_polygons_free and
+ * mesh_textures_free, also after failure. With textures there are polygons. *out is unchanged on failure. Errors: as mesh_file_read. */
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
-                     mesh_values *values, mesh_polygons *polygons, error *e);
+                     mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e);
+
+/* Reads and checks only the part of the answer that has the textures, of this number of polygons and corners. */
+bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, size_t corners,
+                              mesh_textures *out, error *e);
 
 #endif

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/mesh_reader.h"
 
-#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,7 +20,8 @@
 #include "io/meshes/foreign_format.h"
 #include "io/meshes/library_scene.h"
 #include "io/meshes/library_text.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/library_textures.h"
+#include "io/meshes/plain_textures.h"
 #include "io/meshes/ply_strips.h"
 #include "io/meshes/ply_values.h"
 
@@ -104,7 +104,7 @@ static int answer_fault(error_code code, const char *text)
 }
 
 /* Data that a command adds to the triangles of the answer. */
-typedef enum addition { NOTHING, VALUES, POLYGONS } addition;
+typedef enum addition { NOTHING, VALUES, POLYGONS, TEXTURES } addition;
 
 /* The state of a walk over the nodes of the scene. The answer is written in several walks: one counts, the
  * others write vertices, triangles, sizes of polygons and corners of polygons. */
@@ -247,28 +247,21 @@ static bool mesh_has(const struct aiMesh *mesh, const values *v)
                                   : true;
 }
 
-/* From linear light to sRGB (IEC 61966-2-1). */
-static float encoded(float linear)
-{
-    const double value = fmin(fmax((double)linear, 0), 1);
-    return (float)(value <= 0.0031308 ? 12.92 * value : 1.055 * pow(value, 1 / 2.4) - 0.055);
-}
-
 /* A colour in sRGB. The library has an opacity of 0 for colours of three components. */
 static void color_at(const walk *w, const struct aiMesh *mesh, const values *v, unsigned n, float out[4])
 {
     const struct aiColor4D c = mesh->mColors[v->slot][n];
     memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
     if (!w->is_gltf) return;
-    for (int k = 0; k < 3; k++) out[k] = encoded(out[k]);
+    for (int k = 0; k < 3; k++) out[k] = (float)mesh_textures_encode((double)out[k]);
     if (!v->has_opacity) out[3] = 1;
 }
 
-/* The value of vertex n; zeros if this mesh of the scene does not have the attribute. */
+/* The value of vertex n; NaN if this mesh of the scene does not have the attribute. */
 static void value_at(const walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v,
                      unsigned n, float out[MESH_VALUES_COMPONENTS])
 {
-    memset(out, 0, MESH_VALUES_COMPONENTS * sizeof *out);
+    for (int k = 0; k < MESH_VALUES_COMPONENTS; k++) out[k] = mesh_has(mesh, v) ? 0 : NAN;
     if (!mesh_has(mesh, v)) return;
     if (v->what == OF_COLOR) {
         color_at(w, mesh, v, n, out);
@@ -336,6 +329,18 @@ static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 
     for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
 }
 
+/* Removes the attributes that have the name of a property. Returns the number of those left. */
+static uint32_t remove_named(values *list, uint32_t count, const ply_values *own)
+{
+    uint32_t left = 0;
+    for (uint32_t k = 0; k < count; k++) {
+        bool is_own = false;
+        for (uint32_t n = 0; n < own->count; n++) is_own |= strcmp(own->name[n], list[k].head.name) == 0;
+        if (!is_own) list[left++] = list[k];
+    }
+    return left;
+}
+
 /* Writes the attributes of the scene, and those properties of a PLY file that the library does not read
  * (`own`). */
 static void answer_values(walk *w, const ply_values *own)
@@ -344,7 +349,10 @@ static void answer_values(walk *w, const ply_values *own)
     uint32_t count = list_values(w->scene, list), more = 0;
     struct aiMatrix4x4 identity;
     aiIdentityMatrix4(&identity);
-    if (own->vertices == w->header.vertices) more = own->count;
+    if (own->vertices == w->header.vertices) {
+        more = own->count;
+        count = remove_named(list, count, own);
+    }
     if (more > MESH_VALUES_MOST - count) more = MESH_VALUES_MOST - count;
     const uint32_t all = count + more;
     w->failed |= fwrite(&all, sizeof all, 1, stdout) != 1;
@@ -376,11 +384,12 @@ static void answer_polygons(walk *w, struct aiMatrix4x4 placed)
 static int answer_scene(const struct aiScene *scene, file_format format, addition also, const ply_values *own,
                         size_t end, plain_mesh *known)
 {
+    const bool has_polygons = also == POLYGONS || also == TEXTURES;
     const double unit = known->unit > 0 ? known->unit : 1;
     walk w = {.scene = scene,
               .header = {.end = end},
               .is_gltf = format == FILE_FORMAT_GLTF,
-              .one = {.keeps_polygons = also == POLYGONS}};
+              .one = {.keeps_polygons = has_polygons}};
     struct aiMatrix4x4 scaled;
     aiMatrix4Scaling(&scaled, &(struct aiVector3D){(float)unit, (float)unit, (float)unit});
     w.to_world = scaled;
@@ -397,8 +406,9 @@ static int answer_scene(const struct aiScene *scene, file_format format, additio
             w.failed = !reader_answer(&w.header, sizeof w.header, known->text, strlen(known->text));
     }
     if (also == VALUES && !w.failed) answer_values(&w, own);
-    if (also == POLYGONS && !w.failed) answer_polygons(&w, scaled);
-    return w.failed || fflush(stdout) != 0 ? 1 : 0;
+    if (has_polygons && !w.failed) answer_polygons(&w, scaled);
+    const bool ok = !w.failed && fflush(stdout) == 0;
+    return ok && (also != TEXTURES || plain_textures_answer(known)) ? 0 : 1;
 }
 
 static bool write_values(const plain_mesh *m)
@@ -429,6 +439,7 @@ static int answer_plain(const plain_mesh *m, size_t end)
              reader_write(m->polygon_size, m->polygons * sizeof *m->polygon_size) &&
              reader_write(m->polygon_corner, m->polygon_corners * sizeof *m->polygon_corner);
     if (m->keeps_values) ok = ok && write_values(m);
+    if (m->textures) ok = ok && plain_textures_answer(m);
     return ok ? 0 : 1;
 }
 
@@ -481,6 +492,16 @@ static bool add_zeros(bytes *b)
     b->data = data;
     b->size = to;
     return true;
+}
+
+/* Reads a file of materials. */
+static int answer_materials(const bytes *b)
+{
+    plain_textures textures = {0};
+    plain_mesh m = {.textures = &textures};
+    const mesh_reader_header head = {0};
+    if (!plain_textures_read_mtl(b->data, b->size, &m)) return answer_fault(m.refused, m.text);
+    return reader_answer(&head, sizeof head, m.text, strlen(m.text)) && plain_textures_answer(&m) ? 0 : 1;
 }
 
 static const char file_too_large[] = "the file is larger than the memory limit: raise limits.memory_mb";
@@ -547,8 +568,13 @@ static bool is_read_for_values(const char *ending)
 
 static bool read_plain(const char *ending, const bytes *b, addition also, plain_mesh *out)
 {
+    static plain_textures textures;
     if (also == VALUES && plain_mesh_reads_values(ending))
         return plain_mesh_read_values(ending, b->data, b->size, out);
+    if (also == TEXTURES) {
+        mesh_textures_free(&textures.all);
+        return plain_mesh_read_textures(ending, b->data, b->size, &textures, out);
+    }
     return also == POLYGONS ? plain_mesh_read_polygons(ending, b->data, b->size, out)
                             : plain_mesh_read(ending, b->data, b->size, out);
 }
@@ -580,9 +606,11 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
         _exit(answer_fault(plain->refused, plain->text));
 }
 
-/* Writes the answer for a format that the library does not read. If the reader refuses the file, it is read
- * again: without the data after the declared content, and with triangle strips converted to triangles. */
-static int answer_only_reader(const char *ending, addition also, bytes *b)
+/* Reads a format that the library does not read, and writes the answer. If `warnings` is not NULL, a file that is
+ * read has no answer, and its warnings are added to *warnings. If the reader refuses the file, it is read again:
+ * without the data after the declared content, and with triangle strips converted to triangles. Returns the exit
+ * status, or -1: there is no answer. */
+static int answer_only_reader(const char *ending, addition also, plain_mesh *warnings, bytes *b)
 {
     plain_mesh m;
     size_t end = 0;
@@ -593,6 +621,14 @@ static int answer_only_reader(const char *ending, addition also, bytes *b)
         end = cut_end(ending, b);
         expand_strips(ending, b);
         read = (b->size != whole.size || b->data != whole.data) && read_plain(ending, b, also, &m);
+    }
+    if (read && warnings) {
+        if (*m.text) plain_mesh_warn(warnings, "%s", m.text);
+        if (end)
+            plain_mesh_warn(
+                warnings, "the file has other data after its mesh, from byte %zu on: they are not read", end);
+        plain_mesh_free(&m);
+        return -1;
     }
     if (read) return answer_plain(&m, end);
     if ((foreign = foreign_format(ending, b->data, b->size)))
@@ -610,29 +646,43 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     ply_values own = {0};
     const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
                           : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
+                          : strcmp(argv[0], MESH_TEXTURES_COMMAND) == 0 ? TEXTURES
                                                                         : NOTHING;
     const file_format format = file_format_of_name(argv[1]);
-    if (also == VALUES && file_formats[format].positions_only)
+    if (also == TEXTURES && !plain_mesh_reads_textures(argv[1]) && format != FILE_FORMAT_COLLADA)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
-            "the values of the vertices of such files are not read: save it as PLY for attributes");
+            "base_color is not read from such files: save it as glTF, OBJ, PLY, 3MF or COLLADA "
+            "with its textures");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
-    if (also == VALUES ? plain_mesh_reads_values(argv[1]) : plain_mesh_is_only_reader(argv[1]))
-        _exit(answer_only_reader(argv[1], also, &b));
+    if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
+    if (plain_mesh_is_only_reader(argv[1])) {
+        /* the library reads the values of some formats, and numbers up to their comma */
+        const bool is_left = also == VALUES && !plain_mesh_reads_values(argv[1]);
+        const int status = answer_only_reader(argv[1], also, is_left ? &plain : NULL, &b);
+        if (status >= 0) _exit(status);
+    }
     try_plain(argv[1], &b, also, &plain);
     /* readers refuse files with more data */
     const size_t whole = b.size, end = cut_end(argv[1], &b);
     if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
         _exit(answer_plain(&plain, end));
+    if (also == TEXTURES && format != FILE_FORMAT_COLLADA)
+        _exit(answer_fault(
+            ERROR_INPUT_UNSUPPORTED,
+            "base_color is not read from glTF and 3MF files with contents that the library assimp reads, "
+            "such as glTF with Draco: save it without"));
     expand_strips(argv[1], &b);
     if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
         (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
-    library_scene_listen();
+    library_scene_listen(also == TEXTURES);
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
-    int status = !scene || !scene->mRootNode          ? answer_refusal(&b, memory, aiGetErrorString())
-                 : library_scene_check(scene, &plain) ? answer_scene(scene, format, also, &own, end, &plain)
-                                                      : answer_fault(plain.refused, plain.text);
-    _exit(status); /* _exit: freeing the library's memory takes time */
+    if (!scene || !scene->mRootNode) _exit(answer_refusal(&b, memory, aiGetErrorString()));
+    const bool is_read = library_scene_check(scene, &plain) &&
+                         (also != TEXTURES || library_textures_read(scene, b.data, b.size, &plain));
+    _exit(is_read
+              ? answer_scene(scene, format, also, &own, end, &plain)
+              : answer_fault(plain.refused, plain.text)); /* _exit: freeing the library's memory takes time */
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp; with library_scene
+/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp. With library_scene and library_textures it is
  * the only user of that library.
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any
@@ -44,7 +44,7 @@ enum { MESH_VALUES_MOST = 64, MESH_VALUES_NAME_SIZE = 64, MESH_VALUES_COMPONENTS
 
 typedef enum mesh_values_kind {
     MESH_VALUES_NUMBER,
-    MESH_VALUES_WHOLE, /* an integer label (material, group), equal at all corners of a triangle */
+    MESH_VALUES_WHOLE, /* an integer label (material, group): that of the nearest corner */
     MESH_VALUES_NORMAL,
     MESH_VALUES_COLOR,
     MESH_VALUES_UV,
@@ -57,8 +57,16 @@ typedef struct mesh_reader_values {
     uint32_t kind, components; /* kind: a mesh_values_kind; components: 1 .. MESH_VALUES_COMPONENTS */
 } mesh_reader_values;
 
-/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with MESH_VALUES_COMMAND or MESH_POLYGONS_COMMAND
- * as its first word. Reads the file on descriptor 0, writes the answer to descriptor 1, allocates at most
+/* Command that also answers the polygons and their textures (mesh_textures.h): part 4, and then a
+ * mesh_textures_header, the materials, the names of the libraries, the images, the bytes of the images, the material
+ * of each polygon, and for each corner two doubles and, if has_colors, four floats. */
+#define MESH_TEXTURES_COMMAND "read-mesh-textures"
+/* Command that reads a file of materials (MTL) and answers part 1 with an empty header, and this part of the answer
+ * without polygons. */
+#define MESH_MATERIALS_COMMAND "read-mesh-materials"
+
+/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with another of these commands as its
+ * first word. Reads the file on descriptor 0, writes the answer to descriptor 1, allocates at most
  * MEMORY bytes beyond its memory at the start. Returns (or exits with) the exit status: 0 if the answer, a
  * mesh or an error, was written completely. */
 int mesh_reader_main(int argc, char **argv);

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 /* 3MF: the items of the build with their transforms, in doubles and millimetres. Meshes, components and parts
  * of other model files in the package (the production extension) are read. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/xml/xml.h"
 #include "geometry/space/affine.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/plain_textures.h"
 #include "io/meshes/zip_entry.h"
 
 enum { DEEPEST_COMPONENT = 200, PARTS_MOST = 4096, PATH_MOST = 256, NUMBERS_OF_TRANSFORM = 12 };
@@ -47,6 +48,22 @@ typedef struct name_table {
     size_t count, size; /* size: 0, or a power of 2 greater than twice the count */
 } name_table;
 
+/* What the attributes pid and p1, p2, p3 of a triangle, or pid and pindex of an object, name: a resource of the part
+ * and indices in it. */
+typedef struct property {
+    char *resource; /* owned; NULL: none */
+    uint32_t index[3];
+} property;
+
+/* A resource that triangles can name: rows with a colour each, or with coordinates on an image. */
+typedef enum resource_kind { OF_COLORS, OF_COORDINATES } resource_kind;
+
+typedef struct resource {
+    resource_kind kind;
+    size_t row[2];     /* range of the package's rows */
+    uint32_t material; /* or MESH_TEXTURES_NONE */
+} resource;
+
 typedef struct package {
     const char *archive;
     size_t size;
@@ -56,6 +73,16 @@ typedef struct package {
     list triangles;    /* of uint32_t[3] */
     list components;   /* of reference */
     list items;        /* of reference: the items of the build */
+    /* if textures are read */
+    list properties; /* of property: one for each of `triangles` */
+    list defaults;   /* of property: one for each of `objects` */
+    list resources;  /* of resource */
+    list rows;       /* of double[4]: colours, or u and v */
+    list textures;   /* of mesh_material: each texture2d */
+    name_table resource_names, texture_names;
+    resource *filled; /* the resource whose rows are read, or NULL */
+    uint32_t colors;  /* the material of colours, or MESH_TEXTURES_NONE */
+    size_t others;    /* number of triangles that name a resource that is not read */
     name_table part_names, object_names;
     size_t placed; /* number of placed objects, at most PLACED_MOST */
     size_t beam_lattices;
@@ -72,19 +99,28 @@ static bool damaged(package *p, const char *what)
     return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED, "the 3MF file is damaged: %s", what);
 }
 
-static bool read_entry(package *p, const char *path, char **out, size_t *length)
+static bool read_bytes(package *p, const char *path, char **out, size_t *length)
 {
     switch (zip_entry_read(p->archive, p->size, path + (*path == '/'), out, length)) {
     case ZIP_ENTRY_READ:
-        break;
+        return true;
     case ZIP_ENTRY_MISSING:
         return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
                                  "the 3MF file is damaged: its part %.200s is missing", path);
+    case ZIP_ENTRY_TWICE:
+        return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
+                                 "the 3MF file is damaged: its part %.200s is there twice", path);
     case ZIP_ENTRY_NO_MEMORY:
         return plain_mesh_refuse_memory(p->out);
     default:
         return damaged(p, "a part of it cannot be decompressed");
     }
+}
+
+/* Reads a part that is text. */
+static bool read_entry(package *p, const char *path, char **out, size_t *length)
+{
+    if (!read_bytes(p, path, out, length)) return false;
     if (!memchr(*out, 0, *length)) return true;
     free(*out); /* the standard permits UTF-16 */
     return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
@@ -235,6 +271,162 @@ static bool read_unit(const char *unit, plain_mesh *out, double *millimetres)
         unit);
 }
 
+/* ---- colours and images */
+
+/* Adds what an element names by `pid` and the attributes `index`. The other indices default to the first. */
+static bool add_property(package *p, list *to, const char **attributes, const char *const index[3])
+{
+    const char *id = xml_attribute(attributes, "pid");
+    if (!p->out->textures) return true;
+    property *new = append(p, to, sizeof *new);
+    if (!new) return false;
+    *new = (property){.resource = id ? strdup(id) : NULL};
+    if (id && !new->resource) return plain_mesh_refuse_memory(p->out);
+    for (int k = 0; k < 3; k++)
+        if (!xml_attribute(attributes, index[k]))
+            new->index[k] = k > 0 ? new->index[0] : 0;
+        else if (!read_index(attributes, index[k], &new->index[k]))
+            return damaged(p, "the index of a colour or a texture coordinate is not a number");
+    return true;
+}
+
+/* Reads #RRGGBB, optionally with AA. */
+static bool read_color(package *p, const char *text, double out[4])
+{
+    unsigned value[4] = {0, 0, 0, 255};
+    const size_t digits = text && *text == '#' ? strspn(text + 1, "0123456789abcdefABCDEF") : 0;
+    if ((digits != 6 && digits != 8) || text[1 + digits])
+        return damaged(p, "a colour is not of the form #RRGGBB or #RRGGBBAA");
+    sscanf(text + 1, "%2x%2x%2x%2x", &value[0], &value[1], &value[2], &value[3]);
+    for (int k = 0; k < 4; k++) out[k] = value[k] / 255.0;
+    return true;
+}
+
+static bool add_row(package *p, const double row[4])
+{
+    double(*at)[4] = append(p, &p->rows, sizeof *at);
+    if (!at) return false;
+    memcpy(*at, row, sizeof *at);
+    p->filled->row[1]++;
+    return true;
+}
+
+static bool read_wrap(package *p, const char **attributes, const char *name, uint32_t *out)
+{
+    static const char *const styles[] = {[MESH_WRAP_REPEAT] = "wrap",
+                                         [MESH_WRAP_MIRROR] = "mirror",
+                                         [MESH_WRAP_CLAMP] = "clamp",
+                                         [MESH_WRAP_NOTHING] = "none"};
+    const char *style = xml_attribute(attributes, name);
+    for (*out = 0; *out < MESH_WRAPS; ++*out)
+        if (!style || strcmp(style, styles[*out]) == 0) return true;
+    return damaged(p, "a tile style is none of wrap, mirror, clamp and none");
+}
+
+/* Reads a texture2d: its image is a part of the package. */
+static bool add_texture(package *p, const char **attributes)
+{
+    const char *path = xml_attribute(attributes, "path"), *id = xml_attribute(attributes, "id");
+    mesh_material new = mesh_textures_white();
+    char *data = NULL;
+    size_t length = 0;
+    if (!path) return damaged(p, "a texture has no path");
+    if (find_name(&p->texture_names, p->part, id)) return damaged(p, "two textures have the same id");
+    if (!read_wrap(p, attributes, "tilestyleu", &new.wrap[0]) ||
+        !read_wrap(p, attributes, "tilestylev", &new.wrap[1]))
+        return false;
+    if (!read_bytes(p, path, &data, &length)) return false;
+    new.is_opaque = true;
+    const bool ok = length > 0 ? plain_textures_add_image(p->out, path, data, length, &new.image)
+                               : damaged(p, "an image is empty");
+    free(data);
+    mesh_material *at = ok ? append(p, &p->textures, sizeof *at) : NULL;
+    if (!at) return false;
+    *at = new;
+    return add_name(p, &p->texture_names, p->part, id, p->textures.count - 1);
+}
+
+/* Begins a resource. */
+static bool add_resource(package *p, resource_kind kind, const char **attributes)
+{
+    static const char what[] = "it refers to a texture that is missing";
+    const char *id = xml_attribute(attributes, "id");
+    resource new = {kind, {p->rows.count, p->rows.count}, MESH_TEXTURES_NONE};
+    if (find_name(&p->resource_names, p->part, id)) return damaged(p, "two resources have the same id");
+    if (kind == OF_COORDINATES) {
+        const named *found = find_name(&p->texture_names, p->part, xml_attribute(attributes, "texid"));
+        if (!found) return damaged(p, what);
+        if (!plain_textures_add_material(p->out, &((mesh_material *)p->textures.items)[found->number],
+                                         &new.material))
+            return false;
+    }
+    if (kind == OF_COLORS) {
+        const mesh_material white = mesh_textures_white();
+        if (p->colors == MESH_TEXTURES_NONE && !plain_textures_add_material(p->out, &white, &p->colors))
+            return false;
+        new.material = p->colors;
+    }
+    resource *at = append(p, &p->resources, sizeof *at);
+    if (!at) return false;
+    *at = new;
+    p->filled = at;
+    return add_name(p, &p->resource_names, p->part, id, p->resources.count - 1);
+}
+
+/* Handles the begin of an element outside of objects that colours or images depend on. */
+static bool begin_resource(package *p, const char *name, const char **attributes)
+{
+    double row[4] = {0, 0, 0, 0};
+    if (strcmp(name, "texture2d") == 0) return add_texture(p, attributes);
+    if (strcmp(name, "basematerials") == 0 || strcmp(name, "colorgroup") == 0)
+        return add_resource(p, OF_COLORS, attributes);
+    if (strcmp(name, "texture2dgroup") == 0) return add_resource(p, OF_COORDINATES, attributes);
+    if (!p->filled) return true;
+    if (strcmp(name, "base") == 0 && p->filled->kind == OF_COLORS)
+        return read_color(p,
+                          xml_attribute(attributes, "displaycolor")
+                              ? xml_attribute(attributes, "displaycolor")
+                              : "#FFFFFF",
+                          row) &&
+               add_row(p, row);
+    if (strcmp(name, "color") == 0 && p->filled->kind == OF_COLORS) {
+        if (!read_color(p, xml_attribute(attributes, "color"), row)) return false;
+        row[3] = 1; /* colours of groups are opaque */
+        return add_row(p, row);
+    }
+    if (strcmp(name, "tex2coord") == 0 && p->filled->kind == OF_COORDINATES)
+        return ((read_number(attributes, "u", &row[0]) && read_number(attributes, "v", &row[1])) ||
+                damaged(p, "a texture coordinate is not two numbers")) &&
+               add_row(p, row);
+    return true;
+}
+
+/* Adds the material, coordinates and colours of triangle t, which belongs to an object. */
+static bool add_triangle_textures(package *p, const object *o, size_t number, size_t t)
+{
+    const property *named_by = &((property *)p->properties.items)[t];
+    if (!named_by->resource) named_by = &((property *)p->defaults.items)[number];
+    const named *found = find_name(&p->resource_names, o->part, named_by->resource);
+    const resource *r = found ? &((resource *)p->resources.items)[found->number] : NULL;
+    p->others += named_by->resource && !r;
+    double uv[3][2];
+    float color[3][4];
+    for (int k = 0; k < 3; k++) {
+        const double *row = NULL;
+        if (r) {
+            if (named_by->index[k] >= r->row[1] - r->row[0])
+                return damaged(p, "a triangle names a colour or a texture coordinate that is missing");
+            row = ((double(*)[4])p->rows.items)[r->row[0] + named_by->index[k]];
+        }
+        for (int c = 0; c < 2; c++) uv[k][c] = row && r->kind == OF_COORDINATES ? row[c] : (double)NAN;
+        for (int c = 0; c < 4; c++) color[k][c] = row && r->kind == OF_COLORS ? (float)row[c] : 1;
+    }
+    return plain_textures_add_polygon(p->out, r ? r->material : MESH_TEXTURES_NONE, (const double(*)[2])uv,
+                                      (const float(*)[4])color, 3);
+}
+
+/* ---- objects */
+
 static bool add_object(package *p, const char **attributes)
 {
     object *o = append(p, &p->objects, sizeof *o);
@@ -244,7 +436,10 @@ static bool add_object(package *p, const char **attributes)
                   .vertex = {vertex, vertex},
                   .triangle = {triangle, triangle},
                   .component = {component, component}};
+    static const char *const index[3] = {"pindex", "pindex", "pindex"};
     p->open = o;
+    p->filled = NULL;
+    if (!add_property(p, &p->defaults, attributes, index)) return false;
     const char *id = xml_attribute(attributes, "id");
     if (find_name(&p->object_names, p->part, id))
         return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
@@ -272,7 +467,8 @@ static bool add_triangle(package *p, const char **attributes)
     for (int k = 0; k < 3; k++)
         if (!read_index(attributes, names[k], &(*corner)[k]) || (*corner)[k] >= count)
             return damaged(p, "a triangle is not three vertices of its mesh");
-    return true;
+    static const char *const index[3] = {"p1", "p2", "p3"};
+    return add_property(p, &p->properties, attributes, index);
 }
 
 static char *copy_text(const char *text)
@@ -312,6 +508,7 @@ static bool begin_element(void *context, const char *name, const char **attribut
     if (strcmp(name, "build") == 0) p->is_building = is_root;
     if (strcmp(name, "item") == 0 && p->is_building) return add_reference(p, &p->items, attributes);
     p->beam_lattices += strcmp(name, "beamlattice") == 0;
+    if (p->out->textures && !p->open && !begin_resource(p, name, attributes)) return false;
     return !p->open || begin_in_object(p, name, attributes);
 }
 
@@ -361,7 +558,7 @@ static bool find_object(package *p, size_t of, const reference *r, size_t *out)
     return true;
 }
 
-static bool add_mesh(package *p, const object *o, const double m[3][4])
+static bool add_mesh(package *p, const object *o, size_t number, const double m[3][4])
 {
     const double(*vertex)[3] = p->vertices.items;
     const uint32_t(*corner)[3] = p->triangles.items;
@@ -375,7 +572,8 @@ static bool add_mesh(package *p, const object *o, const double m[3][4])
     }
     for (size_t k = o->triangle[0]; k < o->triangle[1]; k++)
         if (!plain_mesh_add_triangle(p->out, (uint32_t)first + corner[k][0], (uint32_t)first + corner[k][1],
-                                     (uint32_t)first + corner[k][2], is_mirrored))
+                                     (uint32_t)first + corner[k][2], is_mirrored) ||
+            (p->out->textures && !add_triangle_textures(p, o, number, k)))
             return false;
     return true;
 }
@@ -396,7 +594,7 @@ static bool place(package *p, size_t of, reference r, const double m[3][4], int 
     affine_compose(m, r.transform, placed);
     ((object *)p->objects.items)[number].is_built = true;
     const object o = ((object *)p->objects.items)[number];
-    bool ok = add_mesh(p, &o, (const double(*)[4])placed);
+    bool ok = add_mesh(p, &o, number, (const double(*)[4])placed);
     for (size_t k = o.component[0]; ok && k < o.component[1]; k++)
         ok = place(p, o.part, ((reference *)p->components.items)[k], (const double(*)[4])placed, depth + 1);
     return ok;
@@ -433,6 +631,12 @@ static void warn(package *p)
     if (left > 0)
         plain_mesh_warn(p->out, "%zu of %zu objects are not in the build of the file: they are skipped", left,
                         p->objects.count);
+    if (p->others > 0)
+        plain_textures_warn(
+            p->out,
+            "%zu triangles are white: their pid names multiproperties, composite materials or another resource "
+            "that is not read",
+            p->others);
     if (p->beam_lattices > 0) plain_mesh_warn(p->out, "%zu beam lattices are skipped", p->beam_lattices);
 }
 
@@ -445,9 +649,15 @@ static void free_references(list *l)
     free(l->items);
 }
 
+static void free_properties(list *l)
+{
+    for (size_t k = 0; k < l->count; k++) free(((property *)l->items)[k].resource);
+    free(l->items);
+}
+
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out)
 {
-    package p = {.archive = data, .size = size, .out = out, .unit = 1};
+    package p = {.archive = data, .size = size, .out = out, .unit = 1, .colors = MESH_TEXTURES_NONE};
     size_t root;
     if (size < 2 || memcmp(data, "PK", 2) != 0) return false;
     const bool ok = read_xml(&p, "_rels/.rels", (xml){.begin = begin_relation}) &&
@@ -462,5 +672,12 @@ bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out)
     free_references(&p.items);
     free_names(&p.part_names);
     free_names(&p.object_names);
+    free_properties(&p.properties);
+    free_properties(&p.defaults);
+    free(p.resources.items);
+    free(p.rows.items);
+    free(p.textures.items);
+    free_names(&p.resource_names);
+    free_names(&p.texture_names);
     return ok;
 }

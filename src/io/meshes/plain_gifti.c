@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* GIfTI surfaces (.gii): an array of points and one of triangles, as text, base64 or base64 of zlib. base/xml
- * finds the arrays; what they hold is read here. libgiftiio 1.0.9 is not used: it takes data that end
- * early without an error, and crashes on damaged files. */
+/* GIfTI surfaces (.gii): an array of points, one of triangles, and values of the points if the mesh keeps them,
+ * as text, base64 or base64 of zlib. base/xml finds the arrays; what they hold is read here. libgiftiio 1.0.9 is
+ * not used: it takes data that end early without an error, and crashes on damaged files. */
 #include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -13,7 +13,7 @@
 #include "io/meshes/base64.h"
 #include "io/meshes/vtk_data.h"
 
-enum { SIDES = 6, SPACE_SIZE = 64, MATRIX_SIZE = 1024, NUMBERS_OF_MATRIX = 16 };
+enum { SIDES = 6, SPACE_SIZE = 64, MATRIX_SIZE = 1024, NUMBERS_OF_MATRIX = 16, WORD_SIZE = 24 };
 
 /* Maximum number of arrays of a file. */
 static const int most_arrays = 4096;
@@ -40,11 +40,13 @@ typedef struct array {
     size_t begin, end; /* range of its text in the file */
 } array;
 
-/* One of the two arrays of a surface; `count`: how often the file has it. */
+/* One of the two arrays of a surface, or an array of values. */
 typedef struct wanted {
     const char *intent;
+    char name[MESH_VALUES_NAME_SIZE]; /* of values */
+    mesh_values_kind kind;            /* of values */
     array array;
-    int count;
+    int count; /* how often the file has it */
 } wanted;
 
 typedef struct gifti {
@@ -52,14 +54,15 @@ typedef struct gifti {
     size_t size;
     xml document;
     plain_mesh *out;
-    wanted points, triangles;
-    int arrays;
-    long declared; /* number of arrays that the file states */
+    wanted points, triangles, values[MESH_VALUES_MOST];
+    int arrays, value_arrays;
+    char declared[WORD_SIZE]; /* number of arrays that the file states */
     bool has_root;
     wanted *open; /* the array that is open, or NULL if it is none of these */
     char *text;   /* buffer for character data; NULL: they are ignored */
     size_t text_size;
     char data_space[SPACE_SIZE], other_space[SPACE_SIZE], matrix[MATRIX_SIZE];
+    char key[MESH_VALUES_NAME_SIZE]; /* of the metadata that are open */
 } gifti;
 
 /* ---- the elements */
@@ -77,6 +80,41 @@ static void read_type(const char *name, array *a)
     a->has_type = number_find(name + sizeof prefix - 1, &a->type);
 }
 
+/* The next array of values, or NULL: values are not kept, or there are too many. */
+static wanted *begin_values(gifti *g, const char *intent)
+{
+    if (!g->out->keeps_values || g->value_arrays == MESH_VALUES_MOST) return NULL;
+    if (strcmp(intent, "NIFTI_INTENT_NODE_INDEX") == 0)
+        plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "the GIfTI file has values of some points (NIFTI_INTENT_NODE_INDEX): save values of all points");
+    wanted *w = &g->values[g->value_arrays++];
+    snprintf(w->name, sizeof w->name, "array %d", g->arrays);
+    w->intent = w->name;
+    w->kind = strcmp(intent, "NIFTI_INTENT_LABEL") == 0 ? MESH_VALUES_WHOLE : MESH_VALUES_NUMBER;
+    return w;
+}
+
+/* Refuses an attribute that is not one of two words. */
+static bool check_word(gifti *g, const char **attributes, const char *name, const char *one,
+                       const char *other)
+{
+    const char *value = find(attributes, name);
+    return strcmp(value, one) == 0 || strcmp(value, other) == 0 ||
+           plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
+                             "array %d of the GIfTI file has the %s \"%.40s\": %s and %s are read",
+                             g->arrays - 1, name, value, one, other);
+}
+
+/* Reads an attribute that is a whole number from 0. *out: the number, or UINT32_MAX + 1. */
+static void read_whole(const char *text, double *out)
+{
+    char *end;
+    *out = strtod(text, &end);
+    if (end == text || *end || !(*out >= 0 && *out <= UINT32_MAX) || *out != (double)(uint32_t)*out)
+        *out = (double)UINT32_MAX + 1;
+}
+
 static void begin_array(gifti *g, const char **attributes)
 {
     static const struct {
@@ -89,7 +127,7 @@ static void begin_array(gifti *g, const char **attributes)
     const char *intent = find(attributes, "Intent"), *packed = find(attributes, "Encoding");
     g->open = strcmp(intent, g->points.intent) == 0      ? &g->points
               : strcmp(intent, g->triangles.intent) == 0 ? &g->triangles
-                                                         : NULL;
+                                                         : begin_values(g, intent);
     if (++g->arrays > most_arrays) {
         plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
                           "the GIfTI file has more than %d arrays: save its surface as a file of its own",
@@ -117,15 +155,18 @@ static void begin_array(gifti *g, const char **attributes)
     a->is_swapped =
         (strcmp(find(attributes, "Endian"), "BigEndian") == 0) != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
     a->by_column = strcmp(find(attributes, "ArrayIndexingOrder"), "ColumnMajorOrder") == 0;
-    const double dimensions = strtod(find(attributes, "Dimensionality"), NULL);
-    a->dimensions = dimensions >= 1 && dimensions <= SIDES ? (int)dimensions : 0;
+    double dimensions;
+    read_whole(find(attributes, "Dimensionality"), &dimensions);
+    a->dimensions = dimensions <= SIDES ? (int)dimensions : 0;
+    if (!check_word(g, attributes, "ArrayIndexingOrder", "RowMajorOrder", "ColumnMajorOrder") ||
+        (a->encoding != ENCODING_TEXT && !check_word(g, attributes, "Endian", "LittleEndian", "BigEndian")))
+        return;
     for (int k = 0; k < a->dimensions; k++) {
-        char name[16], *end;
+        char name[16];
         snprintf(name, sizeof name, "Dim%d", k);
         const char *text = find(attributes, name);
-        a->side[k] = strtod(text, &end);
-        if (end == text || *end || !(a->side[k] >= 0 && a->side[k] <= UINT32_MAX) ||
-            a->side[k] != (double)(uint32_t)a->side[k]) {
+        read_whole(text, &a->side[k]);
+        if (a->side[k] > UINT32_MAX) {
             plain_mesh_refuse(
                 g->out, ERROR_INPUT_DAMAGED,
                 "array %d of the GIfTI file has the %s \"%.40s\", which is not a number of rows or columns",
@@ -152,10 +193,19 @@ static bool begin_element(void *context, const char *name, const char **attribut
                           "the file is XML with the element \"%.40s\" and no GIfTI file", name);
         return false;
     }
-    if (!g->has_root) g->declared = strtol(find(attributes, "NumberOfDataArrays"), NULL, 10);
+    if (!g->has_root) snprintf(g->declared, sizeof g->declared, "%s", find(attributes, "NumberOfDataArrays"));
     g->has_root = true;
     if (strcmp(name, "DataArray") == 0) begin_array(g, attributes);
-    if (g->open && strcmp(name, "Data") == 0) g->open->array.begin = xml_tag_end(&g->document);
+    if (g->open && strcmp(name, "Data") == 0) {
+        if (g->open->array.begin > 0)
+            return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
+                                     "array %d of the GIfTI file has its data twice", g->open->array.number);
+        g->open->array.begin = xml_tag_end(&g->document);
+    }
+    if (strcmp(name, "Name") == 0) collect(g, g->key, sizeof g->key);
+    if (strcmp(name, "Value") == 0 && g->open && g->open->intent == g->open->name &&
+        strcmp(g->key, "Name") == 0)
+        collect(g, g->open->name, sizeof g->open->name);
     if (g->open != &g->points) return g->out->refused == ERROR_NONE;
     if (strcmp(name, "DataSpace") == 0) collect(g, g->data_space, sizeof g->data_space);
     if (strcmp(name, "TransformedSpace") == 0) collect(g, g->other_space, sizeof g->other_space);
@@ -163,11 +213,29 @@ static bool begin_element(void *context, const char *name, const char **attribut
     return g->out->refused == ERROR_NONE;
 }
 
+/* Warns of a matrix that is not the identity, or is not read to its end. */
+static void warn_of_transform(gifti *g)
+{
+    const char *at = g->matrix;
+    bool is_identity = true;
+    for (int k = 0; is_identity && k < NUMBERS_OF_MATRIX; k++) {
+        double value = 0;
+        at += strspn(at, " \t\r\n");
+        is_identity = plain_mesh_number(&at, &value) && value == (k % 5 == 0);
+    }
+    if (!is_identity || at[strspn(at, " \t\r\n")])
+        plain_mesh_warn(
+            g->out,
+            "the GIfTI file has a transform to \"%s\", which is not applied: points are in its data space, \"%s\"",
+            g->other_space, g->data_space);
+}
+
 static void end_element(void *context, const char *name)
 {
     gifti *g = context;
     g->text = NULL;
     if (g->open && strcmp(name, "Data") == 0) g->open->array.end = xml_tag_begin(&g->document);
+    if (g->open == &g->points && strcmp(name, "MatrixData") == 0) warn_of_transform(g);
     if (strcmp(name, "DataArray") == 0) g->open = NULL;
 }
 
@@ -189,7 +257,7 @@ static bool check_array(gifti *g, const wanted *w, bool is_whole)
         return plain_mesh_refuse(
             g->out, ERROR_INPUT_UNSUPPORTED,
             "the GIfTI file has no array with the intent %s, only %d others, such as values or labels of the vertices of a surface in "
-            "another file: give the file of the surface (.surf.gii)",
+            "another file: give the file of the surface (.surf.gii). Append the arrays of values to that file to use them.",
             w->intent, g->arrays - g->points.count - g->triangles.count);
     if (w->count > 1)
         return plain_mesh_refuse(
@@ -220,6 +288,11 @@ static bool damaged(gifti *g, const wanted *w, const char *format, ...)
     return plain_mesh_refuse(g->out, ERROR_INPUT_DAMAGED,
                              "array %d of the GIfTI file (%s) %s: it is damaged or truncated. Save it again.",
                              w->array.number, w->intent, text);
+}
+
+static size_t columns_of(const array *a)
+{
+    return a->dimensions == 2 ? (size_t)a->side[1] : 1;
 }
 
 /* Converts text to doubles or 64-bit integers. */
@@ -273,7 +346,7 @@ static unsigned char *read_array(gifti *g, wanted *w)
         a->type = is_whole ? NUMBER_INT64 : NUMBER_DOUBLE;
         a->is_swapped = false;
     }
-    const double count = 3 * a->side[0], bytes = count * (double)number_bytes(a->type),
+    const double count = a->side[0] * (double)columns_of(a), bytes = count * (double)number_bytes(a->type),
                  length = a->end > a->begin ? (double)(a->end - a->begin) : 0;
     /* check before allocation that the data can have this number of values */
     const double possible = is_text                        ? (length + 1) / 2 * 8
@@ -300,8 +373,8 @@ static const unsigned char *number_at(const wanted *w, const unsigned char *numb
                                       size_t column)
 {
     const array *a = &w->array;
-    return numbers +
-           (a->by_column ? column * (size_t)a->side[0] + row : 3 * row + column) * number_bytes(a->type);
+    return numbers + (a->by_column ? column * (size_t)a->side[0] + row : columns_of(a) * row + column) *
+                         number_bytes(a->type);
 }
 
 /* ---- the mesh */
@@ -345,22 +418,31 @@ static bool add_triangles(gifti *g)
     return ok;
 }
 
-static void warn_of_transform(gifti *g)
+/* Reads an array of values. One of more than MESH_VALUES_COMPONENTS columns is skipped. */
+static bool add_values(gifti *g, wanted *w)
 {
-    const char *at = g->matrix;
-    bool is_other = false;
-    for (int k = 0; k < NUMBERS_OF_MATRIX && *at; k++) {
-        char *end;
-        const double value = strtod(at, &end);
-        if (end == at) break;
-        is_other |= value != (k % 5 == 0);
-        at = end;
-    }
-    if (is_other)
-        plain_mesh_warn(
-            g->out,
-            "the GIfTI file has a transform to \"%s\", which is not applied: points are in its data space, \"%s\"",
-            g->other_space, g->data_space);
+    const array *a = &w->array;
+    float *to;
+    if (a->dimensions < 1 || a->dimensions > 2 || a->side[0] != (double)g->out->vertices || !a->has_type)
+        return plain_mesh_refuse(
+            g->out, ERROR_INPUT_UNSUPPORTED,
+            "array %d of the GIfTI file (%s) does not have a row of numbers for each of the %zu "
+            "points: correct it, or remove it",
+            a->number, w->name, g->out->vertices);
+    const size_t columns = columns_of(a);
+    if (!plain_mesh_add_values(g->out, w->name, w->kind, columns, &to)) return false;
+    unsigned char *numbers = to ? read_array(g, w) : NULL;
+    for (size_t n = 0; numbers && n < g->out->vertices * columns; n++)
+        to[n] = (float)number_value(number_at(w, numbers, n / columns, n % columns), a->type, a->is_swapped);
+    free(numbers);
+    return numbers || !to;
+}
+
+static bool add_all_values(gifti *g)
+{
+    for (int k = 0; k < g->value_arrays; k++)
+        if (!add_values(g, &g->values[k])) return false;
+    return true;
 }
 
 bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out)
@@ -379,10 +461,11 @@ bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out)
                        .allows_doctype = true};
     const bool ok = plain_mesh_read_xml(out, &g.document, "the GIfTI file") &&
                     check_array(&g, &g.points, false) && check_array(&g, &g.triangles, true) &&
-                    add_points(&g) && add_triangles(&g);
-    if (ok) warn_of_transform(&g);
-    if (ok && g.declared != g.arrays)
-        plain_mesh_warn(out, "NumberOfDataArrays is %ld, and the file has %d arrays: all are read",
-                        g.declared, g.arrays);
+                    add_points(&g) && add_triangles(&g) && add_all_values(&g);
+    char arrays[WORD_SIZE];
+    snprintf(arrays, sizeof arrays, "%d", g.arrays);
+    if (ok && strcmp(g.declared, arrays) != 0)
+        plain_mesh_warn(out, "NumberOfDataArrays is \"%s\", and the file has %s arrays: all are read",
+                        g.declared, arrays);
     return ok;
 }

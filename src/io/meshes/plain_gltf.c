@@ -4,13 +4,14 @@
  * alone is left to the library. */
 #include <endian.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "geometry/space/affine.h"
 #include "base/core/number.h"
 #include "base/json/json.h"
-#include "io/meshes/plain_mesh.h"
+#include "io/meshes/plain_textures.h"
 
 enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
 /* Maximum number of primitives that nodes place: many nodes may refer to one mesh with many primitives. */
@@ -44,7 +45,15 @@ typedef struct gltf {
                                       * to them */
     size_t skins, morphs, instances; /* nodes with a skin, with morph targets, with instancing */
     size_t hidden;                   /* nodes that are not visible */
-    bool is_left;                    /* the file is left to the library */
+    /* if textures are read */
+    list materials, textures, images, samplers;
+    uint32_t *image_index; /* per image: its index in the textures; MESH_TEXTURES_NONE: it is not added yet */
+    uint32_t
+        *uv_set; /* per material, and last of primitives without one: the set of coordinates of its image */
+    double *uv, *tint; /* of the primitive that is being read, per vertex, or NULL */
+    size_t tint_size;  /* components of tint */
+    uint32_t material; /* of this primitive */
+    bool is_left;      /* the file is left to the library */
     plain_mesh *out;
 } gltf;
 
@@ -348,6 +357,45 @@ static void corners_of(int mode, size_t n, size_t out[3])
     out[2] = mode == TRIANGLES ? 3 * n + 2 : mode == TRIANGLE_FAN || n % 2 == 0 ? n + 2 : n + 1;
 }
 
+/* Adds the texture coordinates and colours of the corners of a triangle. */
+static bool add_corners(gltf *g, const uint32_t corner[3], size_t first)
+{
+    double uv[3][2] = {{0}};
+    float color[3][4];
+    for (int k = 0; k < 3; k++) {
+        const size_t vertex = corner[k] - first;
+        if (g->uv) memcpy(uv[k], g->uv + 2 * vertex, sizeof uv[k]);
+        for (size_t c = 0; c < 4; c++)
+            color[k][c] = g->tint && c < g->tint_size ? (float)g->tint[g->tint_size * vertex + c] : 1;
+    }
+    return plain_textures_add_polygon(g->out, g->material, g->uv ? (const double(*)[2])uv : NULL,
+                                      g->tint ? (const float(*)[4])color : NULL, 3);
+}
+
+/* Reads the texture coordinates and the colours of a primitive with `vertices` vertices. False: the file is
+ * refused. */
+static bool read_texture_vertices(gltf *g, const json *primitive, size_t vertices)
+{
+    const double of = json_number(member(primitive, "material"), -1);
+    const bool has_material = item_at(&g->materials, of) != NULL;
+    json_at attributes = member(primitive, "attributes");
+    char name[32];
+    size_t count = vertices;
+    const size_t material = has_material ? (size_t)of : g->materials.count;
+    g->material = g->materials.count > 0 ? (uint32_t)material : MESH_TEXTURES_NONE;
+    snprintf(name, sizeof name, "TEXCOORD_%u", g->uv_set[material]);
+    const double uv = json_number(json_member(&attributes, name), -1),
+                 tint = json_number(json_member(&attributes, "COLOR_0"), -1);
+    if (uv >= 0 && !(g->uv = read_accessor(g, uv, "VEC2", 2, &count))) return false;
+    if (count != vertices) return damaged(g, "wrong count of texture coordinates in accessor", (size_t)uv);
+    const json *node = item_at(&g->accessors, tint);
+    g->tint_size = node && strcmp(json_string(member(node, "type"), ""), "VEC4") == 0 ? 4 : 3;
+    if (tint >= 0 &&
+        !(g->tint = read_accessor(g, tint, g->tint_size == 4 ? "VEC4" : "VEC3", g->tint_size, &count)))
+        return false;
+    return count == vertices || damaged(g, "wrong count of colours in accessor", (size_t)tint);
+}
+
 /* Adds the triangles of a primitive. index NULL: corner k is vertex k. */
 static bool add_triangles(gltf *g, int mode, const double *index, size_t corners, size_t first,
                           bool is_mirrored)
@@ -366,6 +414,7 @@ static bool add_triangles(gltf *g, int mode, const double *index, size_t corners
         }
         if (!plain_mesh_add_triangle(g->out, corner[0], corner[1], corner[2], is_mirrored))
             return no_memory(g);
+        if (g->out->textures && !add_corners(g, corner, first)) return false;
     }
     return true;
 }
@@ -408,11 +457,15 @@ static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
     bool ok = position && (index || of < 0);
     vec3 axis[3];
     for (int k = 0; k < 3; k++) axis[k] = affine_axis(m, k);
-    ok = ok && add_vertices(g, position, vertices, m) &&
+    ok = ok && (!g->out->textures || read_texture_vertices(g, primitive, vertices)) &&
+         add_vertices(g, position, vertices, m) &&
          add_triangles(g, (int)mode, index, index ? corners : vertices, first,
                        vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0);
     free(position);
     free(index);
+    free(g->uv);
+    free(g->tint);
+    g->uv = g->tint = NULL;
     return ok;
 }
 
@@ -460,12 +513,16 @@ static void compose_trs(const double t[3], const double q[4], const double s[3],
     }
 }
 
+/* Reads `count` numbers. *out is unchanged if there are none. */
+static bool read_given(gltf *g, json_at at, double *out, size_t count, const char *what, size_t index)
+{
+    if (!at.node) return true;
+    return (json_size(at) == count && json_numbers(at, out, count) == count) || damaged(g, what, index);
+}
+
 static bool read_numbers(gltf *g, const json *node, const char *key, double *out, size_t count, size_t index)
 {
-    json_at at = member(node, key);
-    if (!at.node) return true;
-    return (json_size(at) == count && json_numbers(at, out, count) == count) ||
-           damaged(g, "wrong transform of node", index);
+    return read_given(g, member(node, key), out, count, "wrong transform of node", index);
 }
 
 /* Reads the transform of a node, row-major. */
@@ -549,6 +606,178 @@ static bool visit_scene(gltf *g)
         if (!is_below[k]) ok = visit(g, (double)k, no_transform, 0);
     free(is_below);
     return ok;
+}
+
+/* ---- materials */
+
+/* Decodes the data of a data URI, and adds it as an image. */
+static bool add_data_uri(gltf *g, const char *uri, size_t index, const char *name)
+{
+    buffer b = {0};
+    const char *text = strstr(uri, ";base64,");
+    if (!text) return damaged(g, "no base64 data in image", index);
+    const bool ok = decode(g, text + strlen(";base64,"), index, &b) &&
+                    plain_textures_add_image(g->out, name, b.data, b.size, &g->image_index[index]);
+    free(b.decoded);
+    return ok;
+}
+
+/* Adds the image of a bufferView. */
+static bool add_view(gltf *g, double view, size_t index, const char *name)
+{
+    const json *of = item_at(&g->views, view);
+    const double length = of ? json_number(member(of, "byteLength"), 0) : 0;
+    elements e = {.count = length > 0 && length < 1e15 ? (size_t)length : 0, .components = 1, .type = 5121};
+    if (e.count == 0) return damaged(g, "no data in image", index);
+    if (member(of, "byteStride").node) return damaged(g, "a byteStride in the bufferView of image", index);
+    return find_elements(g, view, 0, index, &e) &&
+           plain_textures_add_image(g->out, name, e.at, e.count, &g->image_index[index]);
+}
+
+/* Adds an image to the textures, once. */
+static bool add_image(gltf *g, size_t index)
+{
+    const json *node = g->images.item[index];
+    const char *uri = json_string(member(node, "uri"), NULL);
+    char name[MESH_IMAGE_NAME_SIZE];
+    size_t length = 0;
+    if (g->image_index[index] != MESH_TEXTURES_NONE) return true;
+    snprintf(name, sizeof name, "%.200s%s%zu", json_string(member(node, "name"), ""),
+             member(node, "name").node ? ", image " : "image ", index);
+    if (!uri) return add_view(g, json_number(member(node, "bufferView"), -1), index, name);
+    if (strncmp(uri, "data:", 5) == 0) return add_data_uri(g, uri, index, name);
+    for (const char *at = uri; *at && length + 1 < sizeof name;) name[length++] = next_character(&at);
+    name[length] = 0;
+    return plain_textures_add_image(g->out, name, NULL, 0, &g->image_index[index]);
+}
+
+static bool read_wrap(gltf *g, json_at mode, size_t material, uint32_t *out)
+{
+    static const struct {
+        double name;
+        mesh_wrap wrap;
+    } modes[] = {{10497, MESH_WRAP_REPEAT}, {33648, MESH_WRAP_MIRROR}, {33071, MESH_WRAP_CLAMP}};
+    for (size_t k = 0; k < sizeof modes / sizeof *modes; k++)
+        if (!mode.node || json_number(mode, 0) == modes[k].name) {
+            *out = modes[k].wrap;
+            return true;
+        }
+    return damaged(g, "wrong sampler of material", material);
+}
+
+/* Reads the number of a set of texture coordinates. */
+static bool read_set(gltf *g, json_at at, size_t material)
+{
+    const double set = json_number(at, -1);
+    if (!at.node) return true;
+    if (!(set >= 0 && set < 1e6 && set == floor(set)))
+        return damaged(g, "wrong texCoord of material", material);
+    g->uv_set[material] = (uint32_t)set;
+    return true;
+}
+
+/* The index of the image of a texture; -1: it has none. An extension may name an image of another format. */
+static double source_of(const json *texture)
+{
+    static const char *const others[] = {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds",
+                                         "EXT_texture_avif"};
+    json_at extensions = member(texture, "extensions");
+    double source = json_number(member(texture, "source"), -1);
+    for (size_t k = 0; source < 0 && k < sizeof others / sizeof *others; k++) {
+        json_at other = json_member(&extensions, others[k]);
+        source = json_number(json_member(&other, "source"), -1);
+    }
+    return source;
+}
+
+/* KHR_texture_transform: scale, then rotation, counter-clockwise seen with v downwards, then offset. */
+static bool read_texture_transform(gltf *g, json_at at, size_t material, mesh_material *m)
+{
+    static const char wrong[] = "wrong KHR_texture_transform of material";
+    double offset[2] = {0, 0}, scale[2] = {1, 1};
+    json_at rotation = json_member(&at, "rotation");
+    const double turn = json_number(rotation, rotation.node ? (double)NAN : 0), c = cos(turn), s = sin(turn);
+    if (!isfinite(turn)) return damaged(g, wrong, material);
+    if (!read_given(g, json_member(&at, "offset"), offset, 2, wrong, material) ||
+        !read_given(g, json_member(&at, "scale"), scale, 2, wrong, material))
+        return false;
+    const double m2[2][3] = {{c * scale[0], s * scale[1], offset[0]},
+                             {-s * scale[0], c * scale[1], offset[1]}};
+    memcpy(m->transform, m2, sizeof m2);
+    return read_set(g, json_member(&at, "texCoord"), material);
+}
+
+/* Reads a textureInfo. */
+static bool read_texture(gltf *g, json_at info, size_t material, mesh_material *m)
+{
+    const json *texture = item_at(&g->textures, json_number(json_member(&info, "index"), -1));
+    json_at extensions = json_member(&info, "extensions"),
+            transform = json_member(&extensions, "KHR_texture_transform");
+    if (!texture) return damaged(g, "no texture of material", material);
+    if (!read_set(g, json_member(&info, "texCoord"), material) ||
+        (transform.node && !read_texture_transform(g, transform, material, m)))
+        return false;
+    const json *sampler = item_at(&g->samplers, json_number(member(texture, "sampler"), -1));
+    if (member(texture, "sampler").node && !sampler) return damaged(g, "no sampler of material", material);
+    if (sampler && (!read_wrap(g, member(sampler, "wrapS"), material, &m->wrap[0]) ||
+                    !read_wrap(g, member(sampler, "wrapT"), material, &m->wrap[1])))
+        return false;
+    const double source = source_of(texture);
+    if (source < 0) {
+        plain_textures_warn(g->out, "the texture of material %zu has no image", material);
+        return true;
+    }
+    if (!item_at(&g->images, source)) return damaged(g, "no image of material", material);
+    if (!add_image(g, (size_t)source)) return false;
+    m->image = g->image_index[(size_t)source];
+    return true;
+}
+
+/* A white material, in the space of glTF. */
+static mesh_material plain_material(void)
+{
+    mesh_material m = mesh_textures_white();
+    memcpy(m.transform, (const double[2][3]){{1, 0, 0}, {0, 1, 0}}, sizeof m.transform);
+    m.is_linear = m.is_opaque = true;
+    return m;
+}
+
+static bool read_material(gltf *g, size_t index)
+{
+    const json *node = g->materials.item[index];
+    json_at extensions = member(node, "extensions"), pbr = member(node, "pbrMetallicRoughness"),
+            older = json_member(&extensions, "KHR_materials_pbrSpecularGlossiness");
+    mesh_material m = plain_material();
+    uint32_t unused;
+    const bool is_older = older.node && !json_member(&pbr, "baseColorTexture").node;
+    json_at from = is_older ? older : pbr;
+    json_at texture = json_member(&from, is_older ? "diffuseTexture" : "baseColorTexture");
+    snprintf(m.name, sizeof m.name, "%.200s", json_string(member(node, "name"), ""));
+    const char *mode = json_string(member(node, "alphaMode"), member(node, "alphaMode").node ? "" : "OPAQUE");
+    m.is_opaque = strcmp(mode, "OPAQUE") == 0;
+    if (!m.is_opaque && strcmp(mode, "MASK") != 0 && strcmp(mode, "BLEND") != 0)
+        return damaged(g, "wrong alphaMode of material", index);
+    return read_given(g, json_member(&from, is_older ? "diffuseFactor" : "baseColorFactor"), m.factor, 4,
+                      "wrong factor of material", index) &&
+           (!texture.node || read_texture(g, texture, index, &m)) &&
+           plain_textures_add_material(g->out, &m, &unused);
+}
+
+/* Reads all materials; the last one is that of primitives without a material. */
+static bool read_materials(gltf *g)
+{
+    const mesh_material last = plain_material();
+    uint32_t unused;
+    if (!list_items(g, "materials", &g->materials) || !list_items(g, "textures", &g->textures) ||
+        !list_items(g, "images", &g->images) || !list_items(g, "samplers", &g->samplers))
+        return false;
+    g->image_index = malloc((g->images.count + 1) * sizeof *g->image_index);
+    g->uv_set = calloc(g->materials.count + 1, sizeof *g->uv_set);
+    if (!g->image_index || !g->uv_set) return no_memory(g);
+    for (size_t k = 0; k < g->images.count; k++) g->image_index[k] = MESH_TEXTURES_NONE;
+    for (size_t k = 0; k < g->materials.count; k++)
+        if (!read_material(g, k)) return false;
+    return g->materials.count == 0 || plain_textures_add_material(g->out, &last, &unused);
 }
 
 /* ---- the document */
@@ -660,7 +889,7 @@ static bool read_document(gltf *g)
         g->is_in_scene = calloc(g->meshes.count + 1, sizeof *g->is_in_scene);
         ok = (g->loaded && g->is_in_scene) || no_memory(g);
     }
-    ok = ok && visit_scene(g);
+    ok = ok && (!g->out->textures || read_materials(g)) && visit_scene(g);
     if (ok) warn(g);
     for (size_t k = 0; g->loaded && k < g->buffers.count; k++) free(g->loaded[k].decoded);
     free(g->loaded);
@@ -670,6 +899,12 @@ static bool read_document(gltf *g)
     free(g->accessors.item);
     free(g->views.item);
     free(g->buffers.item);
+    free(g->materials.item);
+    free(g->textures.item);
+    free(g->images.item);
+    free(g->samplers.item);
+    free(g->image_index);
+    free(g->uv_set);
     return ok;
 }
 

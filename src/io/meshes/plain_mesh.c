@@ -8,17 +8,21 @@
 #include <string.h>
 #include <strings.h>
 
-bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+#include "io/meshes/plain_textures.h"
+
+bool plain_mesh_refuse_at(plain_mesh *m, const char *data, const char *at, const char *format, ...)
 {
     enum { WHY_SIZE = 256 };
     char why[WHY_SIZE];
     size_t line = 1;
     va_list arguments;
-    for (const char *p = data; p < at; p++) line += *p == '\n' || (*p == '\r' && p[1] != '\n');
+    for (const char *p = data; p < at && !m->is_binary; p++)
+        line += *p == '\n' || (*p == '\r' && p[1] != '\n');
     va_start(arguments, format);
     vsnprintf(why, sizeof why, format, arguments);
     va_end(arguments);
-    return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED, "line %zu %s", line, why);
+    return plain_mesh_refuse(m, ERROR_INPUT_DAMAGED, "%s %zu %s", m->is_binary ? "byte" : "line",
+                             m->is_binary ? (size_t)(at - data) : line, why);
 }
 
 const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m)
@@ -119,16 +123,17 @@ typedef struct mesh_format {
     bool has_values;     /* values of the vertices are read */
 } mesh_format;
 
-static const mesh_format readers[FILE_FORMATS] = {[FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
-                                                  [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
-                                                  [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
-                                                  [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
-                                                  [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
-                                                  [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
-                                                  [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
-                                                  [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
-                                                  [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true},
-                                                  [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
+static const mesh_format readers[FILE_FORMATS] = {
+    [FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
+    [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
+    [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
+    [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
+    [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
+    [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
+    [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
+    [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
+    [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true, true},
+    [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
 
 bool plain_mesh_reads(file_format format)
 {
@@ -145,7 +150,7 @@ bool plain_mesh_reads_values(const char *ending)
     return readers[file_format_of_name(ending)].has_values;
 }
 
-/* Members of *out that begin with `keeps` are set by the caller. */
+/* Members of *out that begin with `keeps`, and textures, are set by the caller. */
 static bool read_as(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     const mesh_format *format = &readers[file_format_of_name(ending)];
@@ -154,7 +159,10 @@ static bool read_as(const char *ending, const char *data, size_t size, plain_mes
     if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
     if (out->refused == ERROR_NONE) out->text[0] = 0;
-    plain_mesh left = {.refused = out->refused, .unit = out->unit, .is_quantised = out->is_quantised};
+    plain_mesh left = {.refused = out->refused,
+                       .unit = out->unit,
+                       .is_quantised = out->is_quantised,
+                       .textures = out->textures};
     memcpy(left.text, out->text, sizeof left.text);
     plain_mesh_free(out);
     *out = left;
@@ -176,5 +184,20 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
     *out = (plain_mesh){.keeps_values = true};
+    return read_as(ending, data, size, out);
+}
+
+bool plain_mesh_reads_textures(const char *ending)
+{
+    const file_format format = file_format_of_name(ending);
+    return format == FILE_FORMAT_OBJ || format == FILE_FORMAT_PLY || format == FILE_FORMAT_GLTF ||
+           format == FILE_FORMAT_3MF;
+}
+
+bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
+                              plain_mesh *out)
+{
+    *textures = (plain_textures){0};
+    *out = (plain_mesh){.keeps_polygons = true, .textures = textures};
     return read_as(ending, data, size, out);
 }

@@ -9,6 +9,7 @@
 #ifndef HEXAD_IO_MESHES_PLAIN_MESH_H
 #define HEXAD_IO_MESHES_PLAIN_MESH_H
 
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -17,6 +18,8 @@
 #include "base/core/file_format.h"
 #include "base/xml/xml.h"
 #include "io/meshes/mesh_reader.h"
+
+typedef struct plain_textures plain_textures;
 
 /* An array of values of the vertices. */
 typedef struct plain_values {
@@ -36,6 +39,7 @@ typedef struct plain_mesh {
     /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */
     double unit;
+    bool is_binary;        /* places in messages are bytes, not lines */
     bool is_quantised;     /* glTF: the coordinates are integers, which the library does not read */
     bool has_hidden_nodes; /* nodes that are not in `vertex`, and that the library places */
     bool keeps_polygons;   /* the polygons of the file are kept, in addition to the triangles */
@@ -46,6 +50,7 @@ typedef struct plain_mesh {
     bool keeps_values; /* values of the vertices are kept, by readers for which plain_mesh_reads_values */
     plain_values values[MESH_VALUES_MOST];
     uint32_t value_arrays;
+    plain_textures *textures; /* of the polygons (plain_textures.h), owned by the caller; NULL: not wanted */
 } plain_mesh;
 
 /* Reads a file with the reader for `ending`, the extension of its name (any case). data[size] is 0. *out
@@ -60,8 +65,16 @@ bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size,
 /* As plain_mesh_read, and keeps the values of the vertices. Requires plain_mesh_reads_values. */
 bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out);
 
-/* Whether this module reads the values of the vertices of files with this extension: VTK. */
+/* Whether this module reads the values of the vertices of files with this extension: VTK and GIfTI. */
 bool plain_mesh_reads_values(const char *ending);
+
+/* As plain_mesh_read_polygons, and reads the textures of OBJ, PLY, glTF and 3MF to *textures, which need not be
+ * initialised. Free textures->all with mesh_textures_free in any case. */
+bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
+                              plain_mesh *out);
+
+/* Whether this module reads the textures of files with this extension. */
+bool plain_mesh_reads_textures(const char *ending);
 
 /* Whether this module reads the format. */
 bool plain_mesh_reads(file_format format);
@@ -94,8 +107,8 @@ bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* Refuses a text as damaged: "line 12 ...", of the line at `at`. */
-bool plain_mesh_refuse_line(plain_mesh *m, const char *data, const char *at, const char *format, ...)
+/* Refuses the file as damaged at the place `at`: "line 12 ...", or "byte 12 ..." if m->is_binary. */
+bool plain_mesh_refuse_at(plain_mesh *m, const char *data, const char *at, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
 /* Refuses the file with limit_memory. Returns false. */
@@ -108,6 +121,12 @@ const char *plain_mesh_text(const char *data, size_t size, plain_mesh *m);
 /* Reads an XML document, whose `begin` has refused the file where it returns false. `what` names the file in
  * messages. False: the file is refused. */
 bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what);
+
+/* Makes room for n items of an array, which grows by a factor. False: memory is out, and the file is refused. */
+bool plain_mesh_make_room(plain_mesh *m, void **items, size_t *room, size_t n, size_t size);
+
+/* Adds a line to a text, unless there is no room for it. */
+void plain_mesh_append(char *text, size_t size, const char *format, va_list arguments);
 
 /* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -40,6 +40,11 @@ bool plain_mesh_refuse_memory(plain_mesh *m)
                              "reading it takes more memory than the limit: raise limits.memory_mb");
 }
 
+bool plain_mesh_make_room(plain_mesh *m, void **items, size_t *room, size_t n, size_t size)
+{
+    return make_room(items, room, n, size) || plain_mesh_refuse_memory(m);
+}
+
 bool plain_mesh_expect(plain_mesh *m, size_t vertices, size_t triangles)
 {
     return ((vertices <= m->vertex_room ||
@@ -160,17 +165,23 @@ bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     return false;
 }
 
+void plain_mesh_append(char *text, size_t size, const char *format, va_list arguments)
+{
+    const size_t used = strlen(text), begin = used > 0 ? used + 1 : 0;
+    va_list again;
+    va_copy(again, arguments);
+    const int length = vsnprintf(NULL, 0, format, again);
+    va_end(again);
+    if (length < 0 || begin + (size_t)length >= size) return;
+    if (used > 0) text[used] = '\n';
+    vsnprintf(text + begin, size - begin, format, arguments);
+}
+
 void plain_mesh_warn(plain_mesh *m, const char *format, ...)
 {
-    const size_t used = strlen(m->text), begin = used > 0 ? used + 1 : 0;
     va_list arguments;
     va_start(arguments, format);
-    const int length = vsnprintf(NULL, 0, format, arguments);
-    va_end(arguments);
-    if (length < 0 || begin + (size_t)length >= sizeof m->text) return;
-    if (used > 0) m->text[used] = '\n';
-    va_start(arguments, format);
-    vsnprintf(m->text + begin, sizeof m->text - begin, format, arguments);
+    plain_mesh_append(m->text, sizeof m->text, format, arguments);
     va_end(arguments);
 }
 

@@ -115,6 +115,7 @@ static bool read_array(const char *file, size_t length, const char *name, plain_
 bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out)
 {
     static const char *const names[] = {"position", "points"};
+    bool is_read = false;
     for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
         char entry[16], *file;
         size_t length;
@@ -122,11 +123,17 @@ bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out)
         const zip_result found = zip_entry_read(data, size, entry, &file, &length);
         if (found == ZIP_ENTRY_MISSING) continue;
         if (found == ZIP_ENTRY_NO_MEMORY) return plain_mesh_refuse_memory(out);
+        if (found == ZIP_ENTRY_TWICE) return damaged(out, names[k], "is there twice");
         if (found == ZIP_ENTRY_DAMAGED) return damaged(out, names[k], "is damaged or no ZIP archive");
-        const bool ok = read_array(file, length, names[k], out);
+        if (is_read)
+            plain_mesh_refuse(
+                out, ERROR_INPUT_UNSUPPORTED,
+                "the NPZ file has an array \"position\" and an array \"points\". Save it with one.");
+        is_read = out->refused == ERROR_NONE && read_array(file, length, names[k], out);
         free(file);
-        return ok;
+        if (!is_read) return false;
     }
+    if (is_read) return true;
     return plain_mesh_refuse(
         out, ERROR_INPUT_UNSUPPORTED,
         "the NPZ file has no array \"position\" or \"points\". Save it with numpy.savez(path, position=...).");

@@ -129,12 +129,9 @@ static bool refuse(const off *o, const char *data, const char *what, long long n
     char text[100];
     snprintf(text, sizeof text, number < 0 ? "the %s of the OFF file" : "%s %lld of the OFF file", what,
              number);
-    if (o->is_binary)
-        return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
-                                 "%s, at byte %zu, is not read: it is damaged or truncated. Save it again.",
-                                 text, (size_t)(o->at - data));
-    return plain_mesh_refuse_line(out, data, o->at, "(%s) is damaged, or is not what the header declares",
-                                  text);
+    out->is_binary = o->is_binary;
+    return plain_mesh_refuse_at(out, data, o->at, "(%s) is damaged, or is not what the header declares",
+                                text);
 }
 
 bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)

@@ -81,16 +81,16 @@ static bool read_text(const char *data, plain_mesh *out)
         if (!good || !take(&at, expected = "endsolid")) {
             at += strspn(at, " \t\r\n");
             if (!*at)
-                return plain_mesh_refuse_line(
+                return plain_mesh_refuse_at(
                     out, data, at, "is where the STL file ends, in place of %s. Save it again.", expected);
-            return plain_mesh_refuse_line(out, data, at,
-                                          "of the STL file has \"%.*s\" in place of %s. Save it again.",
-                                          (int)strcspn(at, " \t\r\n"), at, expected);
+            return plain_mesh_refuse_at(out, data, at,
+                                        "of the STL file has \"%.*s\" in place of %s. Save it again.",
+                                        (int)strcspn(at, " \t\r\n"), at, expected);
         }
         at += strcspn(at, "\r\n");
     }
     return at[strspn(at, " \t\r\n")] == 0 ||
-           plain_mesh_refuse_line(out, data, at, "of the STL file is not of a solid");
+           plain_mesh_refuse_at(out, data, at, "of the STL file is not of a solid");
 }
 
 bool plain_mesh_read_stl(const char *data, size_t size, plain_mesh *out)

@@ -12,7 +12,7 @@
 typedef struct vtk {
     const char *data, *at, *end;
     bool is_binary, has_offsets; /* has_offsets: the cells have the layout of version 5.0 and later */
-    bool has_points;
+    bool has_points, has_cells[VTK_CELLS_KINDS];
     plain_mesh *out;
 } vtk;
 
@@ -28,9 +28,7 @@ static bool refuse(vtk *v, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    return v->is_binary ? plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED, "byte %zu of the VTK file %s",
-                                            (size_t)(v->at - v->data), text)
-                        : plain_mesh_refuse_line(v->out, v->data, v->at, "of the VTK file %s", text);
+    return plain_mesh_refuse_at(v->out, v->data, v->at, "of the VTK file %s", text);
 }
 
 /* ---- words */
@@ -51,6 +49,31 @@ static bool read_word(vtk *v, char word[WORD_SIZE])
     }
     word[length] = 0;
     return length > 0;
+}
+
+/* Words that begin the cells of each kind. */
+static const char *const cell_words[VTK_CELLS_KINDS] = {"VERTICES", "LINES", "TRIANGLE_STRIPS", "POLYGONS"};
+
+/* Refuses cells in a part of the file that is not read. `where`: the end of the message. */
+static bool check_skipped(vtk *v, const char *begin, const char *end, const char *where)
+{
+    for (const char *at = begin; (at = memchr(at, '\n', (size_t)(end - at))); at++)
+        for (int k = 0; k < VTK_CELLS_KINDS; k++) {
+            const size_t length = strlen(cell_words[k]);
+            if (strncasecmp(at + 1, cell_words[k], length) == 0 && strchr(" \t", at[length + 1])) {
+                v->at = at + 1;
+                return refuse(v, "has %s %s", cell_words[k], where);
+            }
+        }
+    return true;
+}
+
+/* Checks that only blanks and bytes 0 follow. */
+static bool check_end(vtk *v)
+{
+    for (const char *at = v->at; at < v->end; at++)
+        if (!strchr(" \t\r\n", *at)) return refuse(v, "has a byte 0 in place of a word");
+    return true;
 }
 
 static void skip_line(vtk *v)
@@ -251,6 +274,8 @@ static bool read_offset_cells(vtk *v, vtk_cells_kind kind, size_t count, size_t 
 static bool read_cells(vtk *v, vtk_cells_kind kind)
 {
     size_t cells = 0, size = 0;
+    if (v->has_cells[kind]) return refuse(v, "begins %s for the second time", vtk_cells_name(kind));
+    v->has_cells[kind] = true;
     if (!read_count(v, "cells", &cells) || !read_count(v, "numbers", &size)) return false;
     return v->has_offsets ? read_offset_cells(v, kind, cells, size)
                           : read_counted_cells(v, kind, cells, size);
@@ -302,8 +327,10 @@ static bool read_numbers(vtk *v, const array *a)
         return refuse(v, "has a field of the type \"%.40s\"", a->type);
     if (are_bits && v->is_binary) count = (count + 7) / 8;
     if (!expect_numbers(v, type, count, "a field")) return false;
-    if (a->of_points && !are_bits && a->tuples == v->out->vertices &&
-        !plain_mesh_add_values(v->out, a->name, a->kind, a->components, &to))
+    if (a->of_points && a->tuples != v->out->vertices)
+        return refuse(v, "begins %zu values \"%.40s\", and there are %zu points", a->tuples, a->name,
+                      v->out->vertices);
+    if (a->of_points && !are_bits && !plain_mesh_add_values(v->out, a->name, a->kind, a->components, &to))
         return false;
     if (v->is_binary && !to) {
         v->at += count * number_bytes(type);
@@ -342,14 +369,16 @@ static bool read_array(vtk *v, bool of_points)
 }
 
 /* Skips the names and other metadata of an array, up to an empty line. */
-static void skip_metadata(vtk *v)
+static bool skip_metadata(vtk *v)
 {
+    const char *begin = v->at;
     skip_line(v);
     while (v->at < v->end) {
         const char *line = v->at;
         skip_line(v);
-        if (line[strspn(line, " \t\r")] == '\n') return;
+        if (line[strspn(line, " \t\r")] == '\n') return true;
     }
+    return check_skipped(v, begin, v->end, "in METADATA, which an empty line has to end");
 }
 
 static bool read_field(vtk *v, bool of_points)
@@ -360,10 +389,10 @@ static bool read_field(vtk *v, bool of_points)
     for (; arrays > 0; arrays--) {
         if (!read_array(v, of_points)) return false;
         const char *at = v->at;
-        if (read_word(v, word) && strcasecmp(word, "METADATA") == 0)
-            skip_metadata(v);
-        else
+        if (!read_word(v, word) || strcasecmp(word, "METADATA") != 0)
             v->at = at;
+        else if (!skip_metadata(v))
+            return false;
     }
     return true;
 }
@@ -448,7 +477,7 @@ static bool read_values(vtk *v, char word[WORD_SIZE])
                 ok = refuse(v, "begins values of %zu points, and there are %zu points", section.tuples,
                             v->out->vertices);
         } else if (strcasecmp(word, "METADATA") == 0) {
-            skip_metadata(v);
+            ok = skip_metadata(v);
         } else if (strcasecmp(word, "FIELD") == 0) {
             ok = read_field(v, section.of_points);
         } else {
@@ -457,32 +486,27 @@ static bool read_values(vtk *v, char word[WORD_SIZE])
         }
         if (!ok) return false;
     } while (read_word(v, word));
-    return true;
+    return check_end(v);
 }
 
 static bool read_sections(vtk *v)
 {
-    static const struct {
-        const char *word;
-        vtk_cells_kind kind;
-    } cells[] = {{"VERTICES", VTK_VERTS},
-                 {"LINES", VTK_LINES},
-                 {"POLYGONS", VTK_POLYS},
-                 {"TRIANGLE_STRIPS", VTK_STRIPS}};
     char word[WORD_SIZE];
     while (read_word(v, word)) {
         bool is_known = false, ok = true;
         if (strcasecmp(word, "POINT_DATA") == 0 || strcasecmp(word, "CELL_DATA") == 0)
-            return !v->out->keeps_values || read_values(v, word);
+            return v->out->keeps_values
+                       ? read_values(v, word)
+                       : check_skipped(v, v->at, v->end, "behind values: write it before them");
         if ((is_known = strcasecmp(word, "POINTS") == 0))
             ok = read_points(v);
         else if ((is_known = strcasecmp(word, "FIELD") == 0))
             ok = read_field(v, false);
         else if ((is_known = strcasecmp(word, "METADATA") == 0))
-            skip_metadata(v);
-        for (size_t k = 0; !is_known && k < sizeof cells / sizeof *cells; k++)
-            if ((is_known = strcasecmp(word, cells[k].word) == 0)) {
-                ok = read_cells(v, cells[k].kind);
+            ok = skip_metadata(v);
+        for (int k = 0; !is_known && k < VTK_CELLS_KINDS; k++)
+            if ((is_known = strcasecmp(word, cell_words[k]) == 0)) {
+                ok = read_cells(v, (vtk_cells_kind)k);
                 break;
             }
         if (!is_known)
@@ -490,7 +514,7 @@ static bool read_sections(vtk *v)
                           word);
         if (!ok) return false;
     }
-    return true;
+    return check_end(v);
 }
 
 /* Refuses the other kinds of data sets. */
@@ -515,11 +539,15 @@ bool plain_mesh_read_vtk(const char *data, size_t size, plain_mesh *out)
             out, ERROR_INPUT_DAMAGED,
             "the file does not begin with \"# vtk DataFile Version\": give a VTK file, or "
             "name XML files .vtp");
-    v.has_offsets = strtod(data + sizeof magic - 1, NULL) >= 5;
+    const char *at = data + sizeof magic - 1;
+    double version = 0;
+    if (!plain_mesh_number(&at, &version) || !(version >= 1))
+        return refuse(&v, "has a version that is not a number: write 3.0, or 5.1 for cells with offsets");
+    v.has_offsets = version >= 5;
     skip_line(&v);
     skip_line(&v); /* the title */
     if (!read_word(&v, word)) return refuse(&v, "ends within its header");
-    v.is_binary = strcasecmp(word, "BINARY") == 0;
+    v.is_binary = out->is_binary = strcasecmp(word, "BINARY") == 0;
     if (!v.is_binary && strcasecmp(word, "ASCII") != 0)
         return refuse(&v, "has \"%.40s\" in place of ASCII or BINARY", word);
     if (!read_word(&v, word) || strcasecmp(word, "DATASET") != 0)

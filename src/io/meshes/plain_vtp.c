@@ -105,6 +105,13 @@ static void begin_file(vtp *v, const char *name, const char **attributes)
             "compression",
             packing);
     }
+    if ((order && strcmp(order, "LittleEndian") != 0 && strcmp(order, "BigEndian") != 0) ||
+        (heads && strcmp(heads, "UInt32") != 0 && strcmp(heads, "UInt64") != 0))
+        plain_mesh_refuse(
+            v->out, ERROR_INPUT_UNSUPPORTED,
+            "the VTK file has the byte_order \"%.40s\" and the header_type \"%.40s\": LittleEndian, "
+            "BigEndian, UInt32 and UInt64 are read",
+            order ? order : "", heads ? heads : "");
     v->is_packed = packing && *packing;
     v->has_long_heads = heads && strcmp(heads, "UInt64") == 0;
     v->is_swapped = (order && strcmp(order, "BigEndian") == 0) != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
@@ -180,6 +187,12 @@ static void begin_array(vtp *v, const char **attributes)
                : name && strcmp(name, "offsets") == 0      ? &p->offsets[v->section]
                                                            : NULL;
     if (!a) return;
+    if (a->place != PLACE_NONE) {
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "line %lu of the VTK file begins an array of its piece for the second time",
+                          xml_line(&v->document));
+        return;
+    }
     *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
     if (!type || !number_find(type, &a->type) || (v->section < POINTS && !number_is_whole(a->type)) ||
         (v->section == POINTS && components && strcmp(components, "3") != 0)) {
@@ -199,6 +212,10 @@ static void begin_array(vtp *v, const char **attributes)
             v->out, ERROR_INPUT_UNSUPPORTED,
             "line %lu of the VTK file has the format \"%.40s\": save it as ascii, binary or appended",
             xml_line(&v->document), format);
+    if (a->place == PLACE_APPENDED && !xml_attribute(attributes, "offset"))
+        plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                          "line %lu of the VTK file has an appended array without an offset",
+                          xml_line(&v->document));
     if (a->place == PLACE_APPENDED && !read_count(v, attributes, "offset", &a->begin)) return;
     v->open = a;
 }
@@ -416,7 +433,8 @@ static bool read_text(vtp *v, const array *a, const wanted *w, size_t count, boo
             return damaged(v, w, why);
         }
     }
-    return true;
+    while (at < end && isspace((unsigned char)*at)) at++;
+    return at == end || damaged(v, w, "has more numbers than its piece declares, or a damaged one");
 }
 
 /* Reads `count` numbers of an array. The caller frees them. *type: their type. *swapped: they have the
@@ -580,8 +598,14 @@ static bool add_all_values(vtp *v)
             return false;
         for (size_t n = first; to && n < v->piece_count; n++) {
             const piece *p = &v->pieces[n];
-            size_t own = 0;
+            size_t own = 0, named = 0;
             if (p->count[POINTS] == 0) continue;
+            for (size_t m = 0; m < p->value_count; m++)
+                named += strcmp(p->values[m].name, of_first->name) == 0;
+            if (n > first && named > 1)
+                return plain_mesh_refuse(v->out, ERROR_INPUT_DAMAGED,
+                                         "piece %zu of the VTK file has the values \"%.40s\" twice", n,
+                                         of_first->name);
             while (own < p->value_count && (strcmp(p->values[own].name, of_first->name) != 0 ||
                                             p->values[own].components != of_first->components))
                 own++;

@@ -86,6 +86,18 @@ static zip_result unpack(unzFile archive, char **out, size_t *length)
     return ZIP_ENTRY_READ;
 }
 
+/* Whether an entry behind the current one has the name. */
+static bool is_there_again(unzFile archive, const char *name)
+{
+    enum { NAME_SIZE = 4096 };
+    char other[NAME_SIZE] = ""; /* the library does not end a name that is cut */
+    while (unzGoToNextFile(archive) == UNZ_OK)
+        if (unzGetCurrentFileInfo64(archive, NULL, other, sizeof other - 1, NULL, 0, NULL, 0) == UNZ_OK &&
+            unzStringFileNameCompare(name, other, 2) == 0)
+            return true;
+    return false;
+}
+
 zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length)
 {
     memory m = {archive, size, 0};
@@ -98,6 +110,10 @@ zip_result zip_entry_read(const char *archive, size_t size, const char *name, ch
         result = ZIP_ENTRY_MISSING;
     else if (unzOpenCurrentFile(opened) == UNZ_OK)
         result = unpack(opened, out, length);
+    if (result == ZIP_ENTRY_READ && is_there_again(opened, name)) {
+        free(*out);
+        result = ZIP_ENTRY_TWICE;
+    }
     unzClose(opened);
     return result;
 }

@@ -10,6 +10,7 @@
 typedef enum zip_result {
     ZIP_ENTRY_READ,
     ZIP_ENTRY_MISSING,
+    ZIP_ENTRY_TWICE, /* the archive has several entries of the name */
     ZIP_ENTRY_DAMAGED,
     ZIP_ENTRY_NO_MEMORY
 } zip_result;

@@ -224,14 +224,52 @@ bool columns_choose(const points *set, const char *const *names, size_t name_cou
     return true;
 }
 
-bool columns_need_color(const char *const *names, size_t name_count)
+/* Whether `is` holds for one of the names, or of the columns of an application. */
+static bool any_name(const char *const *names, size_t name_count, bool (*is)(const char *name))
 {
     for (size_t k = 0; k < name_count; k++) {
         const struct application *a = find_application(names[k]);
         for (const char *const *name = a ? a->columns : NULL; name && *name; name++)
-            if (strcmp(*name, "red") == 0) return true;
-        for (int c = 0; c < OWN; c++)
-            if (own[c].of == PROPERTY_OWN_COLOR && strcmp(names[k], own[c].name) == 0) return true;
+            if (is(*name)) return true;
+        if (is(names[k])) return true;
+    }
+    return false;
+}
+
+static bool is_color(const char *name)
+{
+    for (int k = 0; k < OWN; k++)
+        if (own[k].of == PROPERTY_OWN_COLOR && strcmp(name, own[k].name) == 0) return true;
+    return false;
+}
+
+bool columns_need_color(const char *const *names, size_t name_count)
+{
+    return any_name(names, name_count, is_color);
+}
+
+static bool shows_curvature(const char *name)
+{
+    bool is = is_color(name) || strcmp(name, POINTS_KAPPA_DEFINED) == 0 || strcmp(name, "attributes") == 0;
+    for (int k = 0; k < OWN; k++)
+        is |= own[k].of >= PROPERTY_OWN_KAPPA && own[k].of <= PROPERTY_OWN_KAPPA2 &&
+              strcmp(name, own[k].name) == 0;
+    return is;
+}
+
+bool columns_have_curvature(const char *const *names, size_t name_count)
+{
+    return any_name(names, name_count, shows_curvature);
+}
+
+bool columns_have_property(const columns *list, const property *p)
+{
+    for (size_t k = 0; k < list->count; k++) {
+        const column *c = &list->list[k];
+        if (p->values && c->values >= p->values && c->values < p->values + p->components &&
+            c->scale == p->scale * (c->type == COLUMN_UCHAR ? UINT8_MAX : 1))
+            return true;
+        if (!p->values && !c->values) return true; /* ids */
     }
     return false;
 }

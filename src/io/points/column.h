@@ -17,6 +17,7 @@
 
 #include "base/core/error.h"
 #include "io/points/points.h"
+#include "io/points/property.h"
 
 enum { COLUMN_NAME_SIZE = 80, COLUMNS_MAX = 160 };
 
@@ -54,6 +55,9 @@ bool columns_choose(const points *set, const char *const *names, size_t name_cou
 /* Whether one of the names is a column of the color. */
 bool columns_need_color(const char *const *names, size_t name_count);
 
+/* Whether one of the names may be a column of the curvature, of `kappa_defined`, or of colors that show it. */
+bool columns_have_curvature(const char *const *names, size_t name_count);
+
 /* False if the name is a property of the points with a different type. */
 bool columns_suits(const char *name, column_type type);
 
@@ -70,6 +74,9 @@ bool columns_lay_out(columns *list, points *set, void **storage, error *e);
 
 /* Sets row i of a column that was laid out. */
 void column_store(const column *c, size_t i, double value);
+
+/* Whether a column is one of a property's components. Both are of the same set. */
+bool columns_have_property(const columns *list, const property *p);
 
 /* The number in row i. For integer types it is whole and within the range of the type. */
 double column_value(const column *c, size_t i);

@@ -22,6 +22,9 @@ typedef enum point_attribute_kind {
     POINT_ATTRIBUTE_UV /* two components */
 } point_attribute_kind;
 
+/* The name of the attribute that has the values of points.kappa_defined. */
+#define POINTS_KAPPA_DEFINED "kappa_defined"
+
 /* An attribute of points, in addition to their own properties. */
 typedef struct point_attribute {
     const char *name; /* letters, digits and _ */

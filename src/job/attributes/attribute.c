@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job/attributes/attribute.h"
 
+#include <string.h>
+
 #include "base/core/file_format.h"
+#include "job/attributes/base_color.h"
 #include "job/attributes/corners.h"
 #include "job/attributes/dense_attributes.h"
 #include "job/attributes/grid.h"
@@ -19,10 +22,12 @@ static const reader *reader_of(const attribute_request *request)
 {
     static const reader grids = {grid_find, grid_read},
                         volumes = {dense_attributes_find, dense_attributes_read},
-                        meshes = {corners_find, corners_read};
+                        meshes = {corners_find, corners_read}, textures = {base_color_find, base_color_read};
     if (request->stack) return &volumes;
     const file_format_kind kind = file_formats[file_format_of_file(request->fd, request->path)].kind;
-    return kind == FILE_FORMAT_GRIDS ? &grids : kind == FILE_FORMAT_VOLUMES ? &volumes : &meshes;
+    if (kind == FILE_FORMAT_GRIDS) return &grids;
+    if (kind == FILE_FORMAT_VOLUMES) return &volumes;
+    return request->name && strcmp(request->name, BASE_COLOR_NAME) == 0 ? &textures : &meshes;
 }
 
 static bool suits(point_attribute_kind kind, int components)

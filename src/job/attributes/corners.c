@@ -44,7 +44,7 @@ static bool find_mesh(const attribute_request *request, attribute_mesh **out, si
     if (!kept || strcmp(kept->path, request->path) != 0) {
         corners_forget(request->last);
         attribute_mesh read = {0};
-        if (!mesh_file_read_values(&file, &read.m, &read.values, e)) return false;
+        if (!mesh_file_read_values(&file, &read.m, &read.values, NULL, e)) return false;
         kept = *request->last = mem_alloc(sizeof *kept);
         *kept = read;
         kept->path = mem_strdup(request->path);
@@ -65,12 +65,14 @@ bool corners_find(const attribute_request *request, point_attribute_kind *kind, 
     return true;
 }
 
-/* Interpolates the values of the corners by their weights. Whole numbers are equal at all corners. */
+/* Interpolates the values of the corners by their weights. Whole numbers are those of the nearest corner. */
 static void mix(const float *value, int components, const uint32_t corner[3], const double weight[3],
                 bool whole, double *out)
 {
+    int nearest = weight[1] > weight[0];
+    if (weight[2] > weight[nearest]) nearest = 2;
     for (int c = 0; c < components; c++) {
-        out[c] = whole ? (double)value[(size_t)components * corner[0] + (size_t)c] : 0;
+        out[c] = whole ? (double)value[(size_t)components * corner[nearest] + (size_t)c] : 0;
         for (int k = 0; !whole && k < 3; k++)
             out[c] += weight[k] * (double)value[(size_t)components * corner[k] + (size_t)c];
     }

@@ -21,14 +21,14 @@ static contents_reader *reader_of(file_format format)
     return file_formats[format].kind == FILE_FORMAT_VOLUMES ? contents_read_dense : contents_read_mesh;
 }
 
-bool inspection_is_of_mesh(const char *path, const run_options *options)
+const char *inspection_member(const char *path, const run_options *options)
 {
     bool is_directory = false;
     int fd = store_open_place(options->roots, path, &is_directory, NULL);
-    if (fd < 0) return false;
-    bool is_mesh = !is_directory && reader_of(file_format_of_file(fd, path)) == contents_read_mesh;
+    if (fd < 0) return NULL;
+    const file_format format = is_directory ? FILE_FORMAT_OME_ZARR : file_format_of_file(fd, path);
     close(fd);
-    return is_mesh;
+    return reader_of(format) == contents_read_mesh ? "mesh" : format == FILE_FORMAT_VDB ? "vdb" : NULL;
 }
 
 json *inspection_make(const char *path, const run_options *options, error *e)

@@ -16,9 +16,9 @@
  * options->roots. NULL: the file cannot be read; the errors are those of a job that reads it. */
 json *inspection_make(const char *path, const run_options *options, error *e);
 
-/* Whether the file is a mesh, by its name and first bytes. A mesh has one surface, so that its spec needs no
- * inspection if the number of points is known (spec/sample_spec.h). */
-bool inspection_is_of_mesh(const char *path, const run_options *options);
+/* The member of a surface that names the file, by its name and first bytes: "mesh", "vdb", or NULL for other
+ * files. See sample_spec_needs_inspection. */
+const char *inspection_member(const char *path, const run_options *options);
 
 /* Prints the inspection as text for readers. */
 void inspection_print(const json *inspection, FILE *out);

@@ -65,7 +65,7 @@ static void describe_values(const mesh_file *file, json *o)
 {
     mesh m;
     mesh_values values;
-    if (!mesh_file_read_values(file, &m, &values, NULL)) return;
+    if (!mesh_file_read_values(file, &m, &values, NULL, NULL)) return;
     json *list = json_put_array(o, "values");
     for (size_t k = 0; k < values.count; k++) {
         const size_t width = values.head[k].components;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job/phases/attach.h"
 
+#include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -239,8 +241,10 @@ static bool read_points(attach *a, error *e)
 {
     const int fd = source_open_file(&a->job.source, a->job.spec->attach, e);
     if (fd < 0) return error_prefix(e, "/sampling/attach");
-    FILE *file = check_size(a, fd, e) ? fdopen(fd, "rb") : NULL;
+    const bool fits = check_size(a, fd, e);
+    FILE *file = fits ? fdopen(fd, "rb") : NULL;
     if (!file) {
+        if (fits) error_set(e, error_code_of_errno(errno), "cannot read %s: %m", a->job.spec->attach);
         close(fd);
         return false;
     }

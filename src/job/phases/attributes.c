@@ -72,7 +72,10 @@ static void place_beside(const spec_surface *s, double m[3][4])
 /* Opens a file that another file refers to, relative to that file. */
 static int open_beside(void *context, const char *path, error *e)
 {
-    return source_open_file(context, path, e);
+    source *from = context;
+    const int fd = source_open_file(from, path, e);
+    from->lacks_file |= fd < 0;
+    return fd;
 }
 
 static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
@@ -129,8 +132,6 @@ static char *name_of(const spec_attribute *a, int place)
 static const char *const place_names[] = {"feature", "patch", "label_a", "label_b"};
 /* Name of the property that marks given points that are kept. */
 static const char kept_name[] = "kept";
-/* Name of the property that marks points whose curvature is defined. */
-static const char defined_name[] = "kappa_defined";
 enum { PLACES = 2, PLACES_OF_LABELS = sizeof place_names / sizeof *place_names };
 
 static size_t place_count(const source *from)
@@ -197,6 +198,10 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
     if (!open_file(a, s, from, entry, e)) return false;
     r->memory_limit = entry->stack.memory_limit = memory_limit;
+    char sent[STORE_INPUT_NAME_SIZE];
+    r->is_sent = r->path && sent_file_match(r->path, sent);
+    r->image_pixels = (uint64_t)s->image_pixels;
+    r->image_scans = (uint64_t)s->image_scans;
     r->name = a->name;
     r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
     if (r->has_kind) r->kind = kinds[a->type];
@@ -207,6 +212,17 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     }
     r->kind = out->kind;
     return true;
+}
+
+bool attributes_have_curvature(const spec *s)
+{
+    bool has = s->has_preview || !s->ply_properties ||
+               columns_have_curvature((const char *const *)s->ply_properties, s->ply_property_count);
+    for (int k = 0; k < FILE_FORMATS; k++) has |= s->points_in[k] || s->mesh_in[k];
+    for (size_t k = 0; k < s->attribute_count; k++)
+        has |= spec_attribute_is(&s->attributes[k], SPEC_GEOMETRY_DIRECTION1) ||
+               spec_attribute_is(&s->attributes[k], SPEC_GEOMETRY_DIRECTION2);
+    return has;
 }
 
 bool attributes_check_named(const spec *s, const points *set, error *e)
@@ -253,14 +269,15 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
            error_prefix(e, "/output/ply/properties");
 }
 
-/* Adds `kappa_defined`, if the surface has a mesh and no attribute has this name. */
-static void add_defined(const source *from, attributes *out)
+/* Adds `kappa_defined`, if the surface has a mesh, results have the curvature, and no attribute has this name. */
+static void add_defined(const spec *s, const source *from, attributes *out)
 {
-    if (!point_curvature_has_mesh(from)) return;
+    if (!point_curvature_has_mesh(from) || !attributes_have_curvature(s)) return;
     for (size_t k = 0; k < out->count; k++)
-        out->has_own_defined |= strcasecmp(out->entries[k].name, defined_name) == 0;
+        out->has_own_defined |= strcasecmp(out->entries[k].name, POINTS_KAPPA_DEFINED) == 0;
     if (out->has_own_defined) return;
-    out->entries[out->count] = (attributes_entry){.name = mem_strdup(defined_name), .fd = -1, .place = -1};
+    out->entries[out->count] =
+        (attributes_entry){.name = mem_strdup(POINTS_KAPPA_DEFINED), .fd = -1, .place = -1};
     out->values[out->count] =
         (point_attribute){out->entries[out->count].name, POINT_ATTRIBUTE_INT, 1, NULL, false};
     out->count++;
@@ -299,7 +316,7 @@ bool attributes_find(const spec *s, source *from, size_t memory_limit, attribute
              error_prefix(e, "/attributes/%td", entry->spec - s->attributes);
     }
     attribute_forget(&last);
-    if (ok) add_defined(from, out);
+    if (ok) add_defined(s, from, out);
     return ok && check_outputs(s, out, e);
 }
 
@@ -315,7 +332,7 @@ static size_t find_located(const attributes *a, const char *name)
 static size_t find_own_defined(const attributes *a)
 {
     size_t k = 0;
-    while (k < a->count && (a->entries[k].spec || strcmp(a->entries[k].name, defined_name) != 0 ||
+    while (k < a->count && (a->entries[k].spec || strcmp(a->entries[k].name, POINTS_KAPPA_DEFINED) != 0 ||
                             a->values[k].kind != POINT_ATTRIBUTE_INT || a->values[k].components != 1))
         k++;
     return k;
@@ -387,7 +404,7 @@ static void read_place(const char *name, const source *from, const solver_points
 static void read_geometry(const char *name, const source *from, const attributes *a, const points *set,
                           double *values)
 {
-    const bool is_first = strcmp(name, "direction1") == 0;
+    const bool is_first = strcmp(name, SPEC_GEOMETRY_DIRECTION1) == 0;
     const point_curvature *curvature = a->curvature;
     if (strcmp(name, SPEC_GEOMETRY_WEIGHT) == 0) {
         memcpy(values, a->weight, set->count * sizeof *values);
@@ -458,7 +475,7 @@ static bool read_one(const attributes *a, size_t k, const source *from, const so
     if (entry->place >= 0) return true; /* read_attachment fills it in */
     if (!entry->spec && strcmp(entry->name, kept_name) == 0)
         for (size_t i = 0; i < set->count; i++) values[i] = a->kept[i];
-    else if (!entry->spec && strcmp(entry->name, defined_name) == 0)
+    else if (!entry->spec && strcmp(entry->name, POINTS_KAPPA_DEFINED) == 0)
         for (size_t i = 0; i < set->count; i++)
             values[i] = !a->curvature || !a->curvature[i].is_on_mesh || a->curvature[i].is_defined;
     else if (!entry->spec)

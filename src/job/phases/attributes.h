@@ -3,7 +3,7 @@
  *
  * They are located when the job opens its inputs, and read when the points are final. On a surface with
  * patches the first ones are `feature` (solver_feature) and `patch`. On a surface with a mesh the last one is
- * `kappa_defined` (point_curvature.h). The place of the points on the meshes of
+ * `kappa_defined` (point_curvature.h), if results have the curvature. The place of the points on the meshes of
  * the surface (`source`) is one attribute of the spec and several of the points
  * (job/attributes/attachment.h). One thread at a time.
  */
@@ -28,13 +28,17 @@ typedef struct attributes {
     vec3 *color;             /* values of the first color attribute, or NULL */
     double *uv;              /* values of the first texture coordinates, or NULL */
     surface_meshes meshes;   /* if places on them are requested */
-    /* per point, set by the job before attributes_read: its curvature; NULL: no part of the surface is a mesh */
+    /* per point, set by the job before attributes_read: its curvature; NULL: no part of the surface is a mesh, or no
+     * result has the curvature */
     const point_curvature *curvature;
     bool has_own_defined; /* a spec's attribute is called kappa_defined: that of hexad is left out */
     const bool *kept; /* per point, set by the job before attributes_read: it was given (sampling.points, mode
                        * keep) */
     const double *weight; /* the same: its quadrature weight, if that is requested */
 } attributes;
+
+/* Whether a result has the curvature of the points, or a quantity that follows from it. */
+bool attributes_have_curvature(const spec *s);
 
 /* Checks that the points have the attributes that pictures and instances name. Errors: attribute_missing,
  * spec_invalid. */

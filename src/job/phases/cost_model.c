@@ -24,10 +24,10 @@ static const double SHORTEST_S = 1e-3;
  * guarded steps. Such a level takes at least the time of its minimum number of sweeps. Larger: longer estimates from
  * 5 000 points. */
 static const double EXTRA_SHARE = 0.5;
-/* Time of the work done once per point (insertion, projection, measurement), in particle updates. With 50 000
- * points, meshes take 1.7 times as long as with 10 000 (median of measurements/meshes/counts.csv). Larger: longer
- * estimates from 50 000 points. */
-static const double PER_POINT = 30;
+/* Time of the work done once per point (insertion, projection, measurement), in particle updates. From the trial run to a million
+ * points the time of the sweeps grows by 35 on the torus and 28 on a level set of a sphere, and by 39 with this value. Larger:
+ * longer estimates from 50 000 points. */
+static const double PER_POINT = 20;
 /* Minimum number of points of the coarsest level (doc/method.md, multilevel schedule). */
 enum { LEVEL_LEAST = 100 };
 

@@ -34,10 +34,9 @@ static const double REHEARSAL_S[2] = {3, 1};
 static const size_t SHARED_FROM = 20000;
 /* Minimum memory of a worker that has used OpenVDB: the library, and the initial heap (mem_begin). */
 static const double BYTES_WITH_OPENVDB = 37 << 20;
-/* Memory while the result is measured, bytes. Per triangle or cell of the surface: its index, piece, normal
- * and part of the tree nodes (sampling/measures/facets). Per point: the longer neighbour lists of at most
- * LISTED_MOST points at a time (sampling/voronoi/partitions). */
-static const double BYTES_PER_FACET = 40, BYTES_PER_LISTED = 120, LISTED_MOST = 2e5;
+/* Bytes per triangle or cell of the surface while the result is measured: its index, piece, normal and part of the
+ * tree nodes (sampling/measures/facets). */
+static const double BYTES_PER_FACET = 40;
 
 /* Seconds of a run: the placement of its points, its sweeps, what follows, and the weights of the points. Those of the sweeps
  * depend mostly on the count, those of the weights are proportional to it, and the others depend on the surface and its
@@ -79,12 +78,14 @@ static const char *rehearsal_obstacle(const job *j)
                : NULL;
 }
 
-/* Predicted seconds from the placement of points to the last measure; NAN if no trial run ended. */
-static double rehearse(job *j)
+/* Predicted seconds from the placement of points to the last measure, and those of the weights among them; NAN if no
+ * trial run ended. */
+static double rehearse(job *j, double *weights_s)
 {
     const size_t count = j->count;
     const bool by_levels = j->spec->method == SPEC_METHOD_SIZED || plan_grades_by_levels(j->spec);
     size_t part = 1;
+    const double most_threads = count < SHARED_FROM ? 1 : threads_count(j->pool);
     run_cost cost;
     while ((part == 1 || count / part > REHEARSAL_MOST) &&
            count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST)
@@ -96,18 +97,17 @@ static double rehearse(job *j)
         ended = rehearse_once(j, REHEARSAL_S[1], &cost);
     }
     const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels),
-                 weights_s = cost.weights_s * (double)count / (double)j->count;
+                 grown = (double)count / (double)j->count;
     j->count = count;
     if (!ended) return NAN;
-    return (cost.place_s + cost.relax_s * more + cost.measure_s + weights_s) /
-           (count < SHARED_FROM ? 1 : threads_count(j->pool));
+    *weights_s = cost.weights_s * grown / most_threads;
+    return (cost.place_s + cost.relax_s * more + cost.measure_s) / most_threads + *weights_s;
 }
 
-static double measuring_memory(const job *j, double count)
+static double measuring_memory(const job *j)
 {
     const mesh *m = source_mesh(&j->source);
-    const size_t faces = m ? m->triangle_count : j->scan->cells;
-    return BYTES_PER_FACET * (double)faces + BYTES_PER_LISTED * fmin(count, LISTED_MOST);
+    return BYTES_PER_FACET * (double)(m ? m->triangle_count : j->scan->cells);
 }
 
 /* Peak memory of a job with `count` points, bytes: the maximum of loading and sampling. `held`: memory of the
@@ -115,8 +115,8 @@ static double measuring_memory(const job *j, double count)
 static double memory_for(const job *j, int64_t held, double count)
 {
     double begin = fmax((double)held, j->spec->points_in[FILE_FORMAT_VDB] ? BYTES_WITH_OPENVDB : 0);
-    return fmax((double)job_peak_memory(j), begin + count * job_bytes_per_particle(j) +
-                                                measuring_memory(j, count) + plan_picture_memory(j->spec));
+    return fmax((double)job_peak_memory(j), begin + plan_bytes(j->spec, job_particles(j), count) +
+                                                measuring_memory(j) + plan_picture_memory(j->spec));
 }
 
 /* Adds warnings and advice on walls thinner than the spacing. For a graded spacing they are unknown before
@@ -142,8 +142,10 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
                                               (double)j->options->most_memory_mb});
 }
 
-/* `missing`: the reason why there are no seconds, or NULL. */
-static json *describe_estimate(const job *j, int64_t held, double seconds, const char *missing)
+/* `weights_s`: the part of the seconds for the weights; NAN: unknown. `missing`: the reason why there are no seconds, or
+ * NULL. */
+static json *describe_estimate(const job *j, int64_t held, double seconds, double weights_s,
+                               const char *missing)
 {
     json *o = json_new_object();
     if (j->count > 0)
@@ -158,6 +160,8 @@ static json *describe_estimate(const job *j, int64_t held, double seconds, const
     else
         json_put_number(o, "seconds", clock_seconds(llround(1000 * seconds)));
     json_put_string(o, "seconds_missing", missing);
+    if (spec_has_weight(j->spec) && !isnan(weights_s))
+        json_put_number(o, "weights_seconds", clock_seconds(llround(1000 * weights_s)));
     json_put_integer(o, "threads", threads_count(j->pool));
     json *warnings = json_put_array(o, "warnings"), *unused = json_new_object();
     source_describe(&j->source, unused, unused, warnings);
@@ -181,14 +185,14 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
         double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);
         const char *missing = NULL;
-        double seconds = s->time_s; /* the target limits the whole job */
+        double seconds = s->time_s, weights_s = NAN; /* the target limits the whole job */
         if (s->time_s <= 0) {
             missing = rehearsal_obstacle(&j);
-            seconds = missing ? NAN : opened_s + rehearse(&j);
+            seconds = missing ? NAN : opened_s + rehearse(&j, &weights_s);
             if (isnan(seconds) && !missing)
                 missing = "a trial run with few points did not end within its time limit";
         }
-        if (job_may_continue(&j, e)) estimate = describe_estimate(&j, held, seconds, missing);
+        if (job_may_continue(&j, e)) estimate = describe_estimate(&j, held, seconds, weights_s, missing);
     }
     progress_end(&j.progress);
     job_free(&j);

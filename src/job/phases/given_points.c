@@ -188,7 +188,7 @@ static bool drop_equal(given_points *g, error *e)
            (g->start_count >= START_LEAST ||
             error_set(
                 e, ERROR_INPUT_UNSUPPORTED,
-                "/sampling/points: mode refine requires %d different points or more, and the file has %zu: "
+                "/sampling/points: mode refine requires %d different points or more, and %zu are given: "
                 "add points, or remove this member",
                 START_LEAST, g->start_count));
 }
@@ -199,7 +199,7 @@ static bool check_count(const given_points *g, const spec *s, size_t count, erro
     if (s->points.mode == SPEC_POINTS_AVOID || (is_kept ? g->count < count : g->count <= count)) return true;
     return error_set(
         e, ERROR_SPEC_INVALID,
-        "/sampling/points: the file has %zu points, and the count of all points is %zu: ask for %s %zu",
+        "/sampling/points: %zu points are given, and the count of all points is %zu: ask for %s %zu",
         g->count, count, is_kept ? "more than" : "at least", g->count);
 }
 

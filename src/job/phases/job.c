@@ -34,6 +34,8 @@ void job_free_solution(solution *s)
     free(s->degree);
     free(s->corner);
     free(s->farthest);
+    free(s->on_meshes);
+    free(s->kappa);
     point_order_free_known(&s->order_known);
     *s = (solution){0};
 }
@@ -61,17 +63,18 @@ static bool carries_points(const job *j)
     return j->options->previous != NULL || (j->spec->has_points && j->spec->points.mode == SPEC_POINTS_KEEP);
 }
 
-double job_bytes_per_particle(const job *j)
+plan_particles job_particles(const job *j)
 {
-    return plan_bytes_per_particle(j->spec, carries_points(j)) + attributes_bytes_per_point(&j->attributes);
+    const field *f = j->source.field; /* NULL: not opened yet */
+    return (plan_particles){carries_points(j), f && f->patches, attributes_bytes_per_point(&j->attributes)};
 }
 
 static bool fits_memory(const job *j, double count, error *e)
 {
-    double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
-    return plan_check_memory(
-        j->spec, carries_points(j), count,
-        &(plan_memory){left, (double)j->memory, (double)run_options_most_memory(j->options)}, e);
+    return plan_check_memory(j->spec, job_particles(j), count,
+                             &(plan_memory){job_particle_memory(j), (double)j->memory,
+                                            (double)run_options_most_memory(j->options)},
+                             e);
 }
 
 /* The instruction set that the spec requests. */
@@ -166,7 +169,7 @@ static int64_t accounted_memory(const job *j)
 {
     const double count = (double)solver_result_points(j->solution.solver)->count;
     return (int64_t)((double)source_memory(&j->source) + given_points_bytes(&j->given) +
-                     count * job_bytes_per_particle(j));
+                     plan_bytes(j->spec, job_particles(j), count));
 }
 
 int64_t job_peak_memory(const job *j)
@@ -423,7 +426,7 @@ bool job_place(job *j, solution *out, error *e)
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         /* 1 instead of 0, which means no limit */
-        .count_limit = (size_t)fmax(job_particle_memory(j) / job_bytes_per_particle(j), 1),
+        .count_limit = (size_t)fmax(plan_fitting(s, job_particles(j), job_particle_memory(j)), 1),
         .start = s->init == SPEC_INIT_RANDOM ? SOLVER_START_RANDOM : SOLVER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
@@ -714,28 +717,41 @@ static bool turn_points(const source *from, const given_points *given, points *s
     return true;
 }
 
-/* Replaces the curvature of points on meshes, which is that of the sampled field, by that of the meshes. *numbers:
- * the new arrays of the set. *out: the values of the points. NULL: no part of the surface is a mesh. */
-static bool find_curvature(const job *j, points *set, point_curvature **out, double **numbers, error *e)
+bool job_find_curvature(job *j, solution *s, error *e)
 {
-    const solver_points *p = solver_result_points(j->solution.solver);
+    const solver_points *p = solver_result_points(s->solver);
     const size_t n = p->count;
-    if (!point_curvature_has_mesh(&j->source)) return true;
+    if (!attributes_have_curvature(j->spec) || !point_curvature_has_mesh(&j->source)) return true;
     const point_curvature_input in = {n, p->position, p->normal, p->patch, p->hint};
-    *out = mem_array(n, sizeof **out, "the result", e);
-    *numbers = mem_array(3 * n, sizeof **numbers, "the result", e);
-    if (!*out || !*numbers || !point_curvature_find(&j->source, &in, j->pool, *out, e)) return false;
-    double *kappa = *numbers, *kappa1 = kappa + n, *kappa2 = kappa1 + n;
+    free(s->on_meshes);
+    free(s->kappa);
+    s->on_meshes = mem_array(n, sizeof *s->on_meshes, "the result", e);
+    s->kappa = mem_array(3 * n, sizeof *s->kappa, "the result", e);
+    if (!s->on_meshes || !s->kappa || !point_curvature_find(&j->source, &in, j->pool, s->on_meshes, e))
+        return false;
+    double *kappa = s->kappa, *kappa1 = kappa + n, *kappa2 = kappa1 + n;
     for (size_t i = 0; i < n; i++) {
-        const point_curvature *c = &(*out)[i];
+        const point_curvature *c = &s->on_meshes[i];
         kappa1[i] = c->is_on_mesh ? c->kappa1 : p->kappa1[i];
         kappa2[i] = c->is_on_mesh ? c->kappa2 : p->kappa2[i];
         kappa[i] = sqrt(kappa1[i] * kappa1[i] + kappa2[i] * kappa2[i]);
     }
-    set->kappa = kappa;
-    set->kappa1 = kappa1;
-    set->kappa2 = kappa2;
     return true;
+}
+
+/* Sets the curvature of the points: that of job_find_curvature, or that of a surface without meshes. */
+static void set_curvature(const job *j, const solver_points *p, points *set)
+{
+    const double *found = j->solution.kappa;
+    if (found) {
+        set->kappa = found;
+        set->kappa1 = found + p->count;
+        set->kappa2 = found + 2 * p->count;
+    } else if (!point_curvature_has_mesh(&j->source)) {
+        set->kappa = p->kappa;
+        set->kappa1 = p->kappa1;
+        set->kappa2 = p->kappa2;
+    }
 }
 
 /* Marks the points that were given, in the order of the results. NULL: none. */
@@ -754,9 +770,6 @@ bool job_write_points(job *j, error *e)
     points set = {.count = p->count,
                   .position = p->position,
                   .normal = p->normal,
-                  .kappa = p->kappa,
-                  .kappa1 = p->kappa1,
-                  .kappa2 = p->kappa2,
                   .kappa_scale = p->kappa_scale,
                   .alpha = p->alpha,
                   .energy = p->energy,
@@ -779,8 +792,6 @@ bool job_write_points(job *j, error *e)
     const delivery *to = &j->options->delivery;
     mesh_projection l;
     vec3 *turned = NULL;
-    point_curvature *curvature = NULL;
-    double *numbers = NULL;
     point_order order = {0};
     bool *kept = NULL;
     const label_surface *labels = j->source.whole.labels;
@@ -791,20 +802,16 @@ bool job_write_points(job *j, error *e)
     in.thin = (double)s->measures.thin_count > THIN_PICTURE * (double)p->count;
     in.sweeps = solver_sweeps(s->solver, &in.sweep_count);
     j->attributes.kept = j->given.kept;
-    if (!job_weigh(j, s, e)) {
-        free(turned);
-        return false;
-    }
     j->attributes.weight = j->weights.value;
     json_free(j->report);
     j->report = json_new_object();
-    double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
-    bool ok = find_curvature(j, &set, &curvature, &numbers, e);
-    j->attributes.curvature = curvature;
-    ok = ok && attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
-         point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool, &order,
-                          e) &&
-         point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
+    double left = job_particle_memory(j) - plan_bytes(j->spec, job_particles(j), (double)p->count);
+    set_curvature(j, p, &set);
+    j->attributes.curvature = s->on_meshes;
+    bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
+              point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool,
+                               &order, e) &&
+              point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);
     in.place = order.place;
     char *comments = surface_meshes_comments(&j->attributes.meshes);
     in.comments = comments;
@@ -814,8 +821,6 @@ bool job_write_points(job *j, error *e)
     free(comments);
     j->attributes.curvature = NULL;
     point_order_free(&order);
-    free(curvature);
-    free(numbers);
     free(turned);
     free(kept);
     return ok;

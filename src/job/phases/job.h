@@ -7,6 +7,7 @@
 #define HEXAD_JOB_PHASES_JOB_H
 
 #include "sampling/measures/measures.h"
+#include "sampling/sizing/clearance.h"
 #include "job/phases/attributes.h"
 #include "job/phases/avoided_points.h"
 #include "job/phases/given_points.h"
@@ -17,6 +18,7 @@
 #include "job/phases/sequence.h"
 #include "job/phases/snapshot.h"
 #include "job/phases/weights.h"
+#include "job/source/plan.h"
 #include "job/source/source.h"
 #include "sampling/solver/solver.h"
 
@@ -30,7 +32,11 @@ typedef struct solution {
     uint32_t (*corner)[3]; /* triangles between the points on a closed mesh with `resolve`; otherwise NULL */
     size_t triangles;
     measures measures;
-    double *farthest; /* coverage of each patch, see coverage_measure */
+    clearance walls; /* if has_walls: see report_needs_walls */
+    bool has_walls;
+    double *farthest;           /* coverage of each patch, see coverage_measure */
+    point_curvature *on_meshes; /* NULL: no part of the surface is a mesh, or no result has the curvature */
+    double *kappa;              /* with these values: kappa, then kappa1, then kappa2 of all points */
     point_order_known order_known;
     /* largest distance by which a point was projected onto a mesh, world units; 0 without a mesh */
     double landed;
@@ -98,7 +104,10 @@ bool job_measure(job *j, solution *s, error *e);
 /* Computes the weights of the points of a measured solution, if they are requested. */
 bool job_weigh(job *j, const solution *s, error *e);
 
-/* Writes all results except the report, and starts a new report. */
+/* Computes the curvature of the points on meshes, if results have it. */
+bool job_find_curvature(job *j, solution *s, error *e);
+
+/* Writes all results except the report, and starts a new report. Requires job_find_curvature. */
 bool job_write_points(job *j, error *e);
 
 /* Runs phases in order, with a watchdog, until one fails or the job must stop. */
@@ -108,7 +117,7 @@ bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e);
 double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
-double job_bytes_per_particle(const job *j);
+plan_particles job_particles(const job *j);
 
 /* Start and times of the phases. */
 report_timing job_timing(const job *j);

@@ -20,7 +20,7 @@ static const int64_t INTERVAL_MS = 100;
 /* End of each phase as a fraction of the job. Only the solver reports its own progress. Within PACE_S seconds
  * another phase covers two thirds of its range, asymptotically, so that progress is visible from the first
  * second. */
-static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
+static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.95, 0.96, 0.97, 1};
 static const double PACE_S = 4;
 
 void progress_begin(progress *p, int fd, bool bar, progress_listener listener)

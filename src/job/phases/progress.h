@@ -15,11 +15,13 @@
 
 #include "base/core/words.h"
 
-#define PROGRESS_LIST(ENTRY, prefix)  \
-    ENTRY(prefix, LOAD, "load")       \
-    ENTRY(prefix, START, "start")     \
-    ENTRY(prefix, RELAX, "relax")     \
-    ENTRY(prefix, MEASURE, "measure") \
+#define PROGRESS_LIST(ENTRY, prefix)      \
+    ENTRY(prefix, LOAD, "load")           \
+    ENTRY(prefix, START, "start")         \
+    ENTRY(prefix, RELAX, "relax")         \
+    ENTRY(prefix, MEASURE, "measure")     \
+    ENTRY(prefix, CURVATURE, "curvature") \
+    ENTRY(prefix, WEIGHTS, "weights")     \
     ENTRY(prefix, WRITE, "write")
 
 typedef enum progress_phase { PROGRESS_LIST(WORDS_ENUMERATOR, PROGRESS) PROGRESS_PHASES } progress_phase;

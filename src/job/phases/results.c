@@ -292,8 +292,8 @@ static void copy_members(json *from, const char *const *keys, size_t count, json
 /* The summary: the report without its long members. */
 static json *new_summary(const json *report)
 {
-    static const char *const members[] = {"outcome", "count",           "outputs", "inputs",
-                                          "ratings", "outcome_reasons", "advice"},
+    static const char *const members[] = {"outcome", "count",   "spacing",         "outputs",
+                                          "inputs",  "ratings", "outcome_reasons", "advice"},
                              *const of_surface[] = {"warnings"};
     json *whole = (json *)(uintptr_t)report, *summary = json_new_object();
     copy_members(whole, members, sizeof members / sizeof *members, summary);

@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/core/clock.h"
+#include "geometry/space/packing.h"
 #include "job/phases/attach.h"
 #include "job/phases/job.h"
 #include "job/report/report.h"
@@ -21,20 +22,6 @@ static bool relax(job *j, error *e)
     if (j->spec->time_s > 0) return time_target_fill(j, e);
     if (!job_solve(j, e)) return false;
     return !j->spec->coherent || sequence_end(&j->sequence, solver_result_points(j->solution.solver), e);
-}
-
-static bool measure_result(job *j, error *e)
-{
-    progress_enter(&j->progress, PROGRESS_MEASURE);
-    source_end_solving(&j->source);
-    return j->spec->time_s > 0 ||
-           job_measure(j, &j->solution, e); /* with a time as target, runs have been measured */
-}
-
-static bool write_results(job *j, error *e)
-{
-    progress_enter(&j->progress, PROGRESS_WRITE);
-    return job_write_points(j, e);
 }
 
 /* Input of the outcome. Some methods do not produce an exact count. The support is chosen so that the mean
@@ -70,6 +57,43 @@ static outcome_input outcome_input_of(const job *j)
     };
 }
 
+/* Measures the distances of opposite walls, if the report needs them. */
+static bool measure_walls(job *j, solution *s, error *e)
+{
+    const outcome_input judged = outcome_input_of(j);
+    const size_t count = solver_result_points(s->solver)->count;
+    if (!report_needs_walls(&s->measures, count, outcome_evaluate(&judged).outcome)) return true;
+    s->has_walls = clearance_measure(j->scan, s->sizing, packing_spacing(j->scan->area, (double)count),
+                                     j->pool, MEASURES_THIN_SHARE, &s->walls, e);
+    return s->has_walls;
+}
+
+static bool measure_result(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_MEASURE);
+    source_end_solving(&j->source);
+    /* with a time as target, runs have been measured */
+    return (j->spec->time_s > 0 || job_measure(j, &j->solution, e)) && measure_walls(j, &j->solution, e);
+}
+
+static bool find_curvature(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_CURVATURE);
+    return job_find_curvature(j, &j->solution, e);
+}
+
+static bool weigh(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_WEIGHTS);
+    return job_weigh(j, &j->solution, e);
+}
+
+static bool write_results(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_WRITE);
+    return job_write_points(j, e);
+}
+
 static bool write_report(job *j, outcome_kind *outcome, error *e)
 {
     const solution *s = &j->solution;
@@ -88,13 +112,14 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
         .solver = s->solver,
         .count = j->avoided.taken ? j->avoided.taken_count : solver_result_points(s->solver)->count,
         .measures = &s->measures,
+        .walls = s->has_walls ? &s->walls : NULL,
         .farthest = s->farthest,
         .landed = s->landed,
         .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
         .most_memory = (double)run_options_most_memory(j->options),
         .particle_memory = job_particle_memory(j),
-        .bytes_per_particle = job_bytes_per_particle(j),
+        .particles = job_particles(j),
         .outputs = &j->results,
         .result = &v,
         .pool = j->pool,
@@ -113,7 +138,8 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
 
 bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, json **report, error *e)
 {
-    static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
+    static job_phase *const phases[] = {job_load,       start, relax,        measure_result,
+                                        find_curvature, weigh, write_results};
     job j = {.spec = s, .options = options};
     if (s->attach) return attach_run(s, options, outcome, report, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar, options->listener);

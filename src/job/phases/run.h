@@ -30,6 +30,7 @@ bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, j
  *     memory_bytes      peak
  *     seconds           on `threads` processors, without writing the results; null if there is no estimate
  *     seconds_missing   reason, or null
+ *     weights_seconds   the part of `seconds` for the quadrature weights; only if it is known and the job has them
  *     threads
  *     warnings, advice  as in the report, as far as known before the run
  * Errors: those of run_job before the first point is placed. Writes no file. */

@@ -43,7 +43,7 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
  * writing. */
 bool time_target_fill(job *j, error *e)
 {
-    double memory = job_particle_memory(j) / job_bytes_per_particle(j) * TWO_RUNS, write_s = 0;
+    double memory = TWO_RUNS * plan_fitting(j->spec, job_particles(j), job_particle_memory(j)), write_s = 0;
     cost_model p = cost_model_begin((size_t)fmin(fmax(memory, PLAN_COUNT_MIN), PLAN_COUNT_MAX));
     for (j->count = COST_MODEL_FIRST; j->count > 0;
          j->count = cost_model_next(&p, job_seconds_left(j) - write_s)) {
@@ -59,7 +59,9 @@ bool time_target_fill(job *j, error *e)
         j->solution = next;
         if (p.runs > 1) continue;
         int64_t begin = clock_monotonic_ms();
-        if (!job_write_points(j, e)) return false;
+        if (!job_find_curvature(j, &j->solution, e) || !job_weigh(j, &j->solution, e) ||
+            !job_write_points(j, e))
+            return false;
         write_s = TAIL_SLACK * clock_seconds(clock_monotonic_ms() - begin);
     }
     if (p.runs > 0 && job_seconds_left(j) > 0) return true;

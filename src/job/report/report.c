@@ -13,7 +13,6 @@
 #include "job/report/label_advice.h"
 #include "job/report/patch_report.h"
 #include "job/report/ratings.h"
-#include "sampling/sizing/clearance.h"
 #include "job/source/source_report.h"
 
 /* A ratio of spacings of at least this fraction of the requested ratio is not reported. */
@@ -68,25 +67,22 @@ typedef struct thin_walls {
     bool of_surface;
 } thin_walls;
 
-/* Measures the walls thinner than the spacing. On curved walls the distance of two points from their tangent
- * planes differs from the thickness. Therefore rays between the walls measure it, as before the job. They
- * can take longer than the job, and are traced only if the points indicate thin walls, or are too few. The
- * walls of an unresolved result are thinner than the smallest distance that rays measure. */
+bool report_needs_walls(const measures *m, size_t count, outcome_kind outcome)
+{
+    const double share = (double)m->thin_count / (double)count;
+    return outcome != OUTCOME_UNRESOLVED && (share > MEASURES_THIN_SHARE || count <= FEW_POINTS);
+}
+
+/* Finds the walls thinner than the spacing. Those of an unresolved result are thinner than the smallest distance that
+ * rays measure: the points alone show them. */
 static bool find_thin_walls(const report_facts *facts, thin_walls *out)
 {
-    const size_t count = solver_result_points(facts->solver)->count;
-    const double share = (double)facts->measures->thin_count / (double)count;
-    const bool unresolved = facts->result->outcome == OUTCOME_UNRESOLVED;
-    clearance c;
-    if (share <= MEASURES_THIN_SHARE && (unresolved || count > FEW_POINTS)) return false;
-    if (unresolved)
-        *out = (thin_walls){share, facts->measures->thin_factor, false};
-    else if (clearance_measure(facts->scan, facts->sizing, packing_spacing(facts->scan->area, (double)count),
-                               facts->pool, MEASURES_THIN_SHARE, &c, NULL))
-        *out = (thin_walls){c.unresolved_share,
-                            advice_factor(&c, source_thinnest_wall(facts->source, facts->spec)), true};
-    else
-        return false;
+    const measures *m = facts->measures;
+    const double count = (double)solver_result_points(facts->solver)->count;
+    const clearance *walls = facts->walls;
+    *out = walls ? (thin_walls){walls->unresolved_share,
+                                advice_factor(walls, source_thinnest_wall(facts->source, facts->spec)), true}
+                 : (thin_walls){(double)m->thin_count / count, m->thin_factor, false};
     return out->share > MEASURES_THIN_SHARE;
 }
 
@@ -102,12 +98,12 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     free(text);
     if (facts->result->outcome != OUTCOME_CONVERGED &&
         (to.reached || to.count > WORTH_ADVICE * (double)count))
-        advice_append_resolution(
-            advice, facts->spec, area, to,
-            &(advice_memory){
-                (facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle) /
-                    (1 << 20),
-                facts->memory_limit / (1 << 20), facts->most_memory / (1 << 20)});
+        advice_append_resolution(advice, facts->spec, area, to,
+                                 &(advice_memory){(facts->memory_limit - facts->particle_memory +
+                                                   plan_bytes(facts->spec, facts->particles, to.count)) /
+                                                      (1 << 20),
+                                                  facts->memory_limit / (1 << 20),
+                                                  facts->most_memory / (1 << 20)});
 }
 
 /* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A
@@ -125,6 +121,12 @@ static void put_advice(json *report, json *warnings, const report_facts *facts)
                                      solver_spacing(facts->solver));
     if (labels && (outcome_is_of_thin_parts(facts->result) || (hopeless && facts->result->reason_count > 0)))
         label_advice_append(advice, &facts->spec->surface.labels, labels);
+    if (facts->result->outcome != OUTCOME_CONVERGED && facts->source->whole.volume &&
+        volume_describe(facts->source->whole.volume)->two_values)
+        advice_append(advice, "mask",
+                      "the volume has two values, as a mask: its surface at an isovalue has the steps of the "
+                      "voxels. Give the file as /surface/labels in place of /surface/volume, which makes "
+                      "interfaces of labels.");
     if (thin && !hopeless) put_thin_walls(advice, warnings, facts, &walls);
 }
 
@@ -317,18 +319,25 @@ static void put_grading(json *report, const report_facts *facts)
     if (reached >= RATIO_REACHED * asked) return;
     const spec *s = facts->spec;
     const bool low = s->min_spacing > 0, high = s->max_spacing > 0;
-    char *warning = mem_printf(
-        "sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): the curvature of the surface "
-        "varies less, or its most curved places are too small for the growth and the smoothing of the spacing. "
-        "Try a smaller and a larger sampling.curvature.exponent (now %.3g): which one reaches more depends on how "
-        "much of the surface is curved. Or lower the ratio.%s",
-        reached, asked, s->curvature.exponent,
-        low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
-        : low       ? " sampling.min_spacing limits it as well."
-        : high      ? " sampling.max_spacing limits it as well."
-                    : "");
+    char *cause =
+        g.permitted_ratio >= asked
+            ? mem_strdup(
+                  "the spacing is smoothed, so that adjacent points differ little. A larger ratio may reach more.")
+        : g.permitted_ratio > 1.05
+            ? mem_printf("with the exponent %.3g, the curvature of the surface permits %.3g:1. Try a larger "
+                         "sampling.curvature.exponent, or lower the ratio.",
+                         s->curvature.exponent, g.permitted_ratio)
+            : mem_strdup("the surface has the same curvature everywhere, or none. Omit sampling.curvature.");
+    char *warning =
+        mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): %s%s", reached,
+                   asked, cause,
+                   low && high ? " sampling.min_spacing and sampling.max_spacing limit it as well."
+                   : low       ? " sampling.min_spacing limits it as well."
+                   : high      ? " sampling.max_spacing limits it as well."
+                               : "");
     json_append_string(json_find(report, "/surface/warnings"), warning);
     free(warning);
+    free(cause);
 }
 
 /* The factor of curvatures in (14), and the distance over which they are averaged. */

@@ -5,8 +5,10 @@
 
 #include "base/json/json.h"
 #include "sampling/measures/measures.h"
+#include "job/source/plan.h"
 #include "job/source/source.h"
 #include "job/report/outcome.h"
+#include "sampling/sizing/clearance.h"
 #include "sampling/solver/solver.h"
 #include "sampling/voronoi/triangulation.h"
 #include "spec/spec.h"
@@ -47,19 +49,25 @@ typedef struct report_facts {
     const solver *solver;
     size_t count; /* points of the result */
     const measures *measures;
+    const clearance *walls; /* if report_needs_walls; otherwise NULL */
     double landed;          /* largest distance by which a point was projected onto a mesh, world units */
     const double *farthest; /* coverage of each patch */
     int64_t peak_memory;    /* bytes */
     double memory_limit;    /* limit of the job, bytes */
     double most_memory;     /* the largest limit that the job may have, bytes; 0: unknown */
-    double particle_memory; /* limit for particles, and bytes per particle */
-    double bytes_per_particle;
+    double particle_memory; /* limit for particles, bytes */
+    plan_particles particles;
     const report_outputs *outputs;
     const outcome_result *result;
     threads *pool;
     isa isa;
     report_timing timing;
 } report_facts;
+
+/* Whether the report needs the distances of opposite walls. On curved walls the distance of two points from their
+ * tangent planes differs from the thickness. Therefore rays between the walls measure it, as before the job. They can
+ * take longer than the job, and are traced only if the points indicate thin walls, or are too few. */
+bool report_needs_walls(const measures *m, size_t count, outcome_kind outcome);
 
 /* Adds all members except `outputs`, which the caller has added. */
 void report_fill(json *report, const report_facts *facts);

@@ -42,8 +42,8 @@ static void print_attached(json_at root, FILE *out)
 static void print_sampled(json_at root, FILE *out)
 {
     json_at quality = json_member(&root, "quality"), timing = json_member(&root, "timing_s");
-    terminal_text_print(out, "%.0f points, %s, ", number_of(root, "count"),
-                        json_string(json_member(&root, "outcome"), "?"));
+    terminal_text_print(out, "%.0f points, spacing %.3g, %s, ", number_of(root, "count"),
+                        number_of(root, "spacing"), json_string(json_member(&root, "outcome"), "?"));
     print_rating(root, out);
     json_at reached = json_member(&root, "reached"), ratio = json_member(&reached, "ratio");
     if (ratio.node) fprintf(out, ", spacing %.3g:1", json_number(ratio, 0));

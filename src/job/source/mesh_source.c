@@ -333,7 +333,7 @@ static bool check_target(const mesh_source_request *r, const mesh_patches *p, er
                                 r->most_memory};
     size_t count;
     return plan_count(r->target, mesh_area(&p->m), 0, &count, e) &&
-           plan_check_memory(r->target, false, (double)count, &memory, e);
+           plan_check_memory(r->target, (plan_particles){.has_patches = true}, (double)count, &memory, e);
 }
 
 static bool open_read(const mesh_source_request *r, const welded *w, const mesh_notes *read,

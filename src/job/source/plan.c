@@ -6,17 +6,28 @@
 
 #include "geometry/space/packing.h"
 
-/* Bytes per particle at the peak: 200 on smooth surfaces for particles and neighbour lists, and up to 350
- * while the result is measured; lists of over-dense particles are longer. */
-static const double BYTES_PER_PARTICLE = 400;
+/* Bytes of the process without a job: code, libraries and the first memory of its heap. */
+static const double PROCESS_BYTES = 10 << 20;
+/* Bytes per particle in the solver: its state (57), its neighbour list (108) with bins (17), flags and steps of the relaxation
+ * (18). The lists are released before the result is measured and written, which takes less: its columns (48), Voronoi cells
+ * (24) and measures (40). The other constants are what is needed beyond these bytes. */
+static const double BYTES_PER_PARTICLE = 200;
+/* Bytes per point for neighbour lists of the measures, of at most LISTED_MOST points at a time
+ * (sampling/voronoi/partitions). */
+static const double BYTES_PER_LISTED = 100, LISTED_MOST = 2e5;
+/* Bytes per particle on patches (triangles, interfaces of labels, formulas with sharp edges): five candidate places for
+ * each particle (passes/fill_gaps.c), its patch and place, and normals of all copies. */
+static const double BYTES_PER_PATCH_PARTICLE = 200;
+/* Bytes per particle of blue noise: a second set of neighbour lists and the candidates; on patches also the triangles of
+ * the surface, six per particle, and their tree. */
+static const double BYTES_PER_NOISE_PARTICLE = 120, BYTES_PER_PATCH_NOISE_PARTICLE = 800;
 /* The same for the method of Witkin and Heckbert, in which the largest radius determines the length of all
  * lists: measured 2.1 and 4.7 kB. */
 static const double BYTES_PER_WITKIN_HECKBERT_PARTICLE = 5000;
-/* Bytes per vertex of a mesh: two triangles, six corners of one-rings, and the triangles again while the
- * array grows. */
-static const double BYTES_PER_VERTEX = 120;
+/* Bytes per vertex of a mesh: two triangles, twice while they are collected. */
+static const double BYTES_PER_VERTEX = 50;
 /* Bytes per point of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
-static const double BYTES_PER_GRID_POINT = 200;
+static const double BYTES_PER_GRID_POINT = 80;
 /* Bytes per point of a frame with transferred points: candidate places for births and their lists, and the
  * previous points. */
 static const double BYTES_PER_CARRIED = 800;
@@ -25,8 +36,8 @@ static const double BYTES_PER_CARRIED = 800;
 static const double BYTES_PER_REPAIRED = 160, REPAIR_BYTES = 5e6;
 /* Maximum number of particles for defect repair (repair_defects.c: MAX_PASSES, PASSES_COUNT). */
 static const double REPAIRED_MAX = 2.4e6;
-/* Bytes per point if the order differs from that of the solver: a second copy of the arrays. */
-static const double BYTES_PER_ORDERED = 150;
+/* Bytes per point if the order differs from that of the solver: a second copy of the columns. */
+static const double BYTES_PER_ORDERED = 80;
 /* Bytes per point for orientations and scales of instances. */
 static const double BYTES_PER_INSTANCE = 56;
 /* Bytes per pixel of the preview: two pictures, and the data of the pixels. */
@@ -56,23 +67,39 @@ bool plan_repairs_defects(const spec *s)
 
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
 {
-    return (double)limit - (double)source_bytes - plan_picture_memory(s) -
+    return (double)limit - PROCESS_BYTES - (double)source_bytes - plan_picture_memory(s) -
            (plan_repairs_defects(s) ? REPAIR_BYTES : 0);
 }
 
-double plan_bytes_per_particle(const spec *s, bool is_continued)
+/* Bytes per particle, without neighbour lists of the measures. */
+static double bytes_per_particle(const spec *s, plan_particles of)
 {
     /* these are allocated one after the other: the maximum counts */
     double more =
         fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->points_in[FILE_FORMAT_VDB] ? BYTES_PER_GRID_POINT : 0);
-    if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
+    if (of.is_continued) more = fmax(more, BYTES_PER_CARRIED);
+    if (of.has_patches) more = fmax(more, BYTES_PER_PATCH_PARTICLE);
+    if (s->pattern == SPEC_PATTERN_BLUE_NOISE)
+        more = fmax(more, of.has_patches ? BYTES_PER_PATCH_NOISE_PARTICLE : BYTES_PER_NOISE_PARTICLE);
     if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED && !plan_grades_by_levels(s))
         more = fmax(more, BYTES_PER_PARTICLE); /* two solves at the same time */
     if (plan_repairs_defects(s)) more = fmax(more, BYTES_PER_REPAIRED);
     if (s->has_orient || s->has_instancer) more += BYTES_PER_INSTANCE;
     if (s->has_order) more += BYTES_PER_ORDERED;
-    return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_WITKIN_HECKBERT_PARTICLE
-                                                            : BYTES_PER_PARTICLE);
+    return of.more_bytes + more +
+           (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_WITKIN_HECKBERT_PARTICLE
+                                                     : BYTES_PER_PARTICLE);
+}
+
+double plan_bytes(const spec *s, plan_particles of, double count)
+{
+    return count * bytes_per_particle(s, of) + fmin(count, LISTED_MOST) * BYTES_PER_LISTED;
+}
+
+double plan_fitting(const spec *s, plan_particles of, double bytes)
+{
+    const double each = bytes_per_particle(s, of), few = bytes / (each + BYTES_PER_LISTED);
+    return fmax(few < LISTED_MOST ? few : (bytes - LISTED_MOST * BYTES_PER_LISTED) / each, 0);
 }
 
 /* Rounds to three digits, up or down. */
@@ -82,13 +109,12 @@ static double rounded(double value, bool up)
     return (up ? ceil(value / unit) : floor(value / unit)) * unit;
 }
 
-bool plan_check_memory(const spec *s, bool is_continued, double count, const plan_memory *memory, error *e)
+bool plan_check_memory(const spec *s, plan_particles of, double count, const plan_memory *memory, error *e)
 {
-    const double each = plan_bytes_per_particle(s, is_continued), particles = count * each,
-                 needed = memory->limit + particles - memory->left;
+    const double particles = plan_bytes(s, of, count), needed = memory->limit + particles - memory->left;
     if (particles <= memory->left) return true;
     const bool too_much = memory->most > 0 && needed > memory->most;
-    const double fitting = memory->left > 0 ? rounded(memory->left / each, false) : 0;
+    const double fitting = memory->left > 0 ? rounded(plan_fitting(s, of, memory->left), false) : 0;
     char fewer[128] = "", more[128];
     snprintf(more, sizeof more, too_much ? "a job may have at most %.0f" : "set it to at least %.0f",
              (too_much ? floor(memory->most / MIB) : ceil(needed / MIB)));

@@ -22,16 +22,27 @@ bool plan_grades_by_levels(const spec *s);
 /* Whether defects of the converged packing are repaired (solver_repair_defects). */
 bool plan_repairs_defects(const spec *s);
 
-/* Bytes that particles may take: the job's `limit` minus the bytes of the source, of pictures and of repair
- * regions. May be negative. */
+/* Bytes that particles may take: the job's `limit` minus the bytes of the process, the source, pictures and
+ * repair regions. May be negative. */
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes);
 
 /* Bytes of the pictures while they are drawn. */
 double plan_picture_memory(const spec *s);
 
-/* Bytes that one particle takes at the peak. `is_continued`: points are carried over, from the previous frame
- * or around given points that are kept. */
-double plan_bytes_per_particle(const spec *s, bool is_continued);
+/* What the memory of particles depends on, beside the spec. */
+typedef struct plan_particles {
+    bool
+        is_continued; /* points are carried over, from the previous frame or around given points that are kept */
+    bool
+        has_patches; /* the surface consists of patches: triangles, interfaces of labels, faces with sharp edges */
+    double more_bytes; /* per point, such as those of attributes */
+} plan_particles;
+
+/* Bytes that `count` particles take at the peak of the job: an upper bound. */
+double plan_bytes(const spec *s, plan_particles of, double count);
+
+/* The largest number of particles, which may be a fraction, for which plan_bytes is at most `bytes`. */
+double plan_fitting(const spec *s, plan_particles of, double bytes);
 
 /* Memory of a job, bytes. */
 typedef struct plan_memory {
@@ -41,7 +52,7 @@ typedef struct plan_memory {
 } plan_memory;
 
 /* Whether `count` particles fit into the memory that is left. Error: limit_memory. */
-bool plan_check_memory(const spec *s, bool is_continued, double count, const plan_memory *memory, error *e);
+bool plan_check_memory(const spec *s, plan_particles of, double count, const plan_memory *memory, error *e);
 
 /* The spacing that the target requires for any area. For `resolve`: the least one that min_spacing permits.
  * 0: the target is a count or a time. */

@@ -321,7 +321,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const source_ar
                                      .count = (double)o->spec->count / (double)o->leaves,
                                      .least = volume_mesh_least_voxel(offset),
                                      .memory_limit = memory_left(o),
-                                     .point_bytes = plan_bytes_per_particle(o->spec, false)},
+                                     .point_bytes = plan_bytes(o->spec, (plan_particles){0}, 1)},
                       .band_vox = m->band_vox,
                       .weld = m->weld,
                       .offset = offset,
@@ -755,6 +755,7 @@ static bool open_map(const spec *s, const opening *o, error *e)
         o->source->map = map_of_array(&given->grid, e);
         return o->source->map || error_prefix(e, "%s", path);
     }
+    mesh_notes *notes = find_input(o->source, path) ? NULL : &o->source->map_notes;
     int fd = open_input(o->source, path, e);
     if (fd < 0) return false;
     const mesh_file file = {fd, path, NULL, memory_left(o)};
@@ -765,8 +766,8 @@ static bool open_map(const spec *s, const opening *o, error *e)
                   "remove it",
                   path);
     else if (is_mesh)
-        o->source->map = map_of_vertices(&file, s->grid.name,
-                                         s->grid.has_component ? s->grid.component : MAP_NO_COMPONENT, e);
+        o->source->map = map_of_vertices(
+            &file, s->grid.name, s->grid.has_component ? s->grid.component : MAP_NO_COMPONENT, notes, e);
     else
         o->source->map = map_open(fd, path, s->grid.name, memory_left(o), e);
     close(fd);

@@ -62,12 +62,14 @@ typedef struct source {
     placement *turned;
     vec3 origin;                 /* of the sampled space, for a mesh far from the origin */
     map *map;                    /* sampling.grid, or NULL */
+    mesh_notes map_notes;        /* on a mesh of the map that is in another file than the surface */
     region *region;              /* surface.region, or NULL */
     struct creased *creased;     /* the whole surface as patches, if features are requested; or NULL */
     const store_roots *roots;    /* of input files, or NULL; used during source_open */
     const source_arrays *arrays; /* inputs in memory, or NULL; they are not among `inputs` */
     source_input *inputs;        /* in the order of the first opening */
     size_t input_count;
+    bool lacks_file;    /* a file that an input names could not be opened: a later job may find it */
     bool hashes_beside; /* during source_open: a file is hashed while it is read */
     late_hash *hash;    /* unfinished hash of the last input; or NULL */
 } source;

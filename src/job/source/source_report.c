@@ -4,7 +4,9 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
+#include "base/core/memory.h"
 #include "job/source/label_source.h"
 #include "job/source/mesh_source.h"
 
@@ -84,7 +86,8 @@ static void put_number(json *o, const char *key, int64_t number)
     json_put_string(o, key, text);
 }
 
-/* Adds the identity by which the daemon detects whether the path still refers to the file that was read. */
+/* Adds the identity by which the daemon detects whether the path still refers to the file that was read. Without it,
+ * the result is not used again. */
 static void put_identity(json *o, const source_input *input)
 {
     const store_identity *id = &input->identity;
@@ -102,11 +105,16 @@ void source_describe(const source *s, json *report, json *members, json *warning
     if (s->whole.labels) label_surface_describe(s->whole.labels, members, warnings);
     if (s->whole.mesh) mesh_source_describe(s->whole.mesh, &s->whole.notes, members, warnings);
     describe_parts(&s->whole, members, &list, warnings);
+    for (size_t k = 0; k < s->map_notes.count; k++) {
+        char *text = mem_printf("/sampling/grid: %s", s->map_notes.text[k]);
+        json_append_string(warnings, text);
+        free(text);
+    }
     for (size_t k = 0; k < s->input_count; k++) {
         json *input = json_append_object(inputs);
         json_put_string(input, "path", s->inputs[k].path);
         json_put_integer(input, "bytes", (int64_t)s->inputs[k].facts.bytes);
         json_put_string(input, "sha256", s->inputs[k].facts.sha256);
-        put_identity(input, &s->inputs[k]);
+        if (!s->lacks_file) put_identity(input, &s->inputs[k]);
     }
 }

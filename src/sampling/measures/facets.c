@@ -504,11 +504,13 @@ static int item_corners(const facets *f, uint32_t item, bool exact, vec3 out[FIE
     return 1;
 }
 
-/* Sets `stretch`. A cell that the domain cuts keeps 1: its triangles reach beyond the domain. */
+/* Sets `stretch`. It is 1 on smooth surfaces: triangles cut off nothing there, and the area in a single grid cell is that
+ * of the surface in it, which its triangles can leave to the triangles of another cell. It is 1 in a cell that the domain
+ * cuts, too: the triangles reach beyond the domain. */
 static void set_stretch(const facets *f, size_t k, int count, facet *t)
 {
     const field *of = f->in.triangle_count == 0 ? f->in.scan->field : NULL;
-    bool whole = of != NULL;
+    bool whole = of != NULL && of->sharp;
     double sum = 0;
     for (int i = 0; i < count; i++) {
         sum += t[i].area;

@@ -62,7 +62,7 @@ typedef struct facet {
     vec3 normal; /* unit */
     double area;
     /* lengths on the surface in the item over those in its triangles, which cut off sharp edges: the root of the ratio
-     * of their areas */
+     * of their areas; 1 unless field.sharp */
     double stretch;
     uint32_t piece, patch;
     size_t item; /* index of its item in the order */

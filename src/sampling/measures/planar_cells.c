@@ -258,7 +258,7 @@ ISA_CLONES static void find_polygons(batch *b)
     most = most < RING ? most : RING;
     lanes angle[RING];
     const lanes bend = compute_angles(b, most, angle),
-                clear = lanes_larger(lanes_all((float)BOUNDS.edge), 0.5f * bend) * (1 + b->widest),
+                clear = lanes_larger(lanes_all((float)BOUNDS.edge), bend) * (1 + b->widest),
                 unlisted = (float)(0.5 * VORONOI_REACH) * (2 + b->least),
                 beyond = lanes_smaller(lanes_root(b->beyond), unlisted);
     sort_sides(b, most, angle);

@@ -20,8 +20,10 @@ enum { POINTS_OF_PROBE = 4 };
 enum { MOST_CANDIDATES = 12 };
 /* Parts shorter than this, in spacings, are not divided further: their sides are too short to count. */
 static const double LEAST_PART = 1e-6;
-/* Candidates are collected for nodes, or parts of triangles, of at most this radius in spacings. */
-static const double SMALL = 2;
+/* Candidates are collected for nodes of at most this radius in spacings, and for parts of triangles whose edges are at
+ * most twice as long. Parts of a scan have their corners on the surface. With 2, areas of single cells are wrong by up to
+ * half of their size where grid cells are larger than the spacing. */
+static const double SMALL = 1;
 /* The same for parts of triangles, as a fraction of the distance of the nearest point. Larger: more candidates. */
 static const double SMALL_OF_DISTANCE = 0.5;
 /* A large triangle of a mesh whose edges are longer than its shortest edge by this factor is divided across its
@@ -308,6 +310,7 @@ static double polygon_area(const polygon *p)
 typedef struct part {
     vec3 corner[3];
     const facet *of;
+    double stretch; /* see facet; 1 if its corners were moved onto the surface */
 } part;
 
 /* Clips by the faces of the domain that cut the surface. */
@@ -461,7 +464,7 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     if (is_done(d->known, site)) return true;
     if (!cell_part(d, t, base, count, own, &p)) return true;
     mark_sides_on_edges(d, base, count, own, &p);
-    const double area = polygon_area(&p), stretch = t->of->stretch;
+    const double area = polygon_area(&p), stretch = t->stretch;
     if (area <= LEAST_AREA * t->of->area)
         return true; /* the edge lies in a bisector: the adjacent triangle has the side */
     if (!add_area(d, site, stretch * stretch * area)) return false;
@@ -659,11 +662,11 @@ static surroundings surroundings_at(const descent *d, vec3 centre, double radius
     return out;
 }
 
-/* Whether a part is small enough to collect its candidates. The distance bounds the division where the nearest point has
- * a spacing much smaller than the part and no cell there. */
-static bool is_small(const surroundings *at)
+/* Whether a part is small beside the distance of the nearest point, so that its candidates are collected. This bounds the
+ * division where that point has a spacing much smaller than the part and no cell there. */
+static bool is_small_of_distance(const surroundings *at)
 {
-    return at->radius <= fmax(SMALL * at->spacing, SMALL_OF_DISTANCE * at->nearest);
+    return at->radius <= SMALL_OF_DISTANCE * at->nearest;
 }
 
 static double part_radius(const part *t, vec3 centroid)
@@ -708,12 +711,15 @@ static bool visit_large_part(descent *d, const part *t)
     const surroundings at = surroundings_at(d, centroid, part_radius(t, centroid));
     if (!voronoi_reaches(d->wanted, centroid, at.radius, at.nearest) && is_candidate(d->s, at.point, t->of))
         return true;
-    if (is_small(&at)) return visit_part_nearby(d, t, centroid, &at);
     double length;
     const int longest = longest_edge(t, &length);
+    /* The length of the edge decides: two triangles with a common edge divide it both, or neither does. */
+    if (length <= 2 * SMALL * at.spacing || is_small_of_distance(&at))
+        return visit_part_nearby(d, t, centroid, &at);
     part one = half_of(t, longest, 0), other = half_of(t, longest, 1);
     one.corner[(longest + 1) % 3] = other.corner[longest] =
         facets_middle(d->f, t->of->patch, t->corner[longest], t->corner[(longest + 1) % 3]);
+    one.stretch = other.stretch = 1;
     return visit_large_part(d, &one) && visit_large_part(d, &other);
 }
 
@@ -734,8 +740,8 @@ static double strip_length(const strip *s)
 
 static bool visit_triangles_of_strip(descent *d, const strip *s, const facet *of)
 {
-    const part one = {{s->first[0], s->last[0], s->last[1]}, of},
-               other = {{s->first[0], s->last[1], s->first[1]}, of};
+    const part one = {{s->first[0], s->last[0], s->last[1]}, of, of->stretch},
+               other = {{s->first[0], s->last[1], s->first[1]}, of, of->stretch};
     const bool has_other = vec3_norm2(vec3_sub(s->first[1], s->first[0])) > 0;
     return visit_large_part(d, &one) && (!has_other || visit_large_part(d, &other));
 }
@@ -754,7 +760,8 @@ static bool visit_strip(descent *d, const strip *s, const facet *of)
     const surroundings at = surroundings_at(d, centre, radius);
     if (!voronoi_reaches(d->wanted, centre, at.radius, at.nearest) && is_candidate(d->s, at.point, of))
         return true;
-    if (is_small(&at) || strip_length(s) < LEAST_ELONGATION * strip_width(s))
+    if (at.radius <= SMALL * at.spacing || is_small_of_distance(&at) ||
+        strip_length(s) < LEAST_ELONGATION * strip_width(s))
         return visit_triangles_of_strip(d, s, of);
     const strip one = {{s->first[0], s->first[1]}, {middle[0], middle[1]}},
                 other = {{middle[0], middle[1]}, {s->last[0], s->last[1]}};
@@ -776,7 +783,7 @@ static strip strip_of_triangle(const facet *t)
 /* Processes a triangle. `certain`: all candidates are of its piece and not on an opposite wall. */
 static bool visit_triangle(descent *d, const facet *t, const candidates *from, vec3 from_centre, bool certain)
 {
-    const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t};
+    const part whole = {{t->corner[0], t->corner[1], t->corner[2]}, t, t->stretch};
     const vec3 centroid = field_triangle_middle(t->corner);
     const size_t base = d->top;
     if (!reserve(d, from->count)) return false;
@@ -791,7 +798,7 @@ static bool visit_large_triangle(descent *d, const facet *t)
     const strip s = strip_of_triangle(t);
     if (d->f->in.triangle_count > 0 && strip_length(&s) >= LEAST_ELONGATION * strip_width(&s))
         return visit_strip(d, &s, t);
-    return visit_large_part(d, &(part){{t->corner[0], t->corner[1], t->corner[2]}, t});
+    return visit_large_part(d, &(part){{t->corner[0], t->corner[1], t->corner[2]}, t, t->stretch});
 }
 
 /* ---- nodes */

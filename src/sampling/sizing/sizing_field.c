@@ -672,6 +672,7 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
         g->origin = bbox_of_points(r.samples.position, scan->cells, pool).min;
         ok = find_field(g, &r, count, pool, e);
     }
+    if (ok && params->kind == SIZING_FIELD_RATIO) g->facts.permitted_ratio = r.widest_ratio;
     spacing_request_free(&r);
     if (ok) return g;
     sizing_field_free(g);

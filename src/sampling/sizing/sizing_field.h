@@ -49,7 +49,9 @@ double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient);
 /* Properties of the field: the factor of the request that meets the count, and the range of spacings. */
 typedef struct sizing_field_facts {
     double scale, least, largest;
-    double points;                     /* number of points for the field, not rounded */
+    double points; /* number of points for the field, not rounded */
+    double
+        permitted_ratio; /* with a ratio: the ratio of spacings that the curvatures have before growth and smoothing */
     spacing_request_features features; /* with feature_ratio */
 } sizing_field_facts;
 sizing_field_facts sizing_field_describe(const sizing_field *g);

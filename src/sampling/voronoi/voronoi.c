@@ -606,7 +606,7 @@ static int find_polygon(const voronoi_listed *listed, double own, const voronoi_
         if (g->count < 3) continue;
         order_ring(g, order);
         const double edge =
-            bounds->near_only ? compare_larger(bounds->edge, 0.5 * bend_of(listed, g)) : bounds->edge;
+            bounds->near_only ? compare_larger(bounds->edge, bend_of(listed, g)) : bounds->edge;
         const double clear = edge * g->widest;
         const int sides = scan_hull(g, order, clear, hull);
         if (sides > 0 && is_closed(g, sides, hull, clear, bounds->wide)) return sides;

@@ -89,8 +89,8 @@ void voronoi_gather_listed(const voronoi_sites *sites, uint32_t a, uint32_t firs
 typedef struct voronoi_planar_bounds {
     double cosine; /* minimum cosine between the normal of the point and those of the points around it */
     double edge;   /* in spacings: minimum length of an edge, and by which other points miss the polygon */
-    /* The cosine holds for the points that can bound the cell, otherwise for the whole list. The edge is at least half
-     * of 1 minus the smallest of their cosines. */
+    /* The cosine holds for the points that can bound the cell, otherwise for the whole list. The edge is at least 1
+     * minus the smallest of their cosines. */
     bool near_only;
     /* The surface has no border near: the angle between two neighbours may exceed 90 degrees. Beside a border such an
      * angle means that the corner of the polygon is beyond it. */

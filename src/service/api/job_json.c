@@ -85,17 +85,19 @@ void job_json_live_clear(job_json_live *live)
 {
     free(live->progress);
     free(live->input);
+    free(live->error_message);
 }
 
 bool job_json_is_fixed(const job_json_live *live)
 {
-    return !live->progress && !live->input_is_label && live->ahead < 0;
+    return !live->progress && !live->input_is_label && !live->error_message && live->ahead < 0;
 }
 
 void job_json_print_tag(const queue_job *job, const job_json_live *live, char tag[JOB_JSON_TAG_SIZE])
 {
     /* FNV-1a; it need not resist an attack */
     uint32_t hash = hash_text(hash_text(2166136261u, live->progress), live->input) + (uint32_t)live->ahead;
+    if (live->error_message) hash = hash_text(hash, live->error_message);
     if (job_json_is_fixed(live))
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
     else
@@ -171,9 +173,40 @@ static const char *first_path(const json_at *at)
     return found;
 }
 
-void job_json_find_input(job_json_live *live, const queue_job *job, job_json_viewer viewer,
+char *job_json_name_files(const char *text, const store_inputs *inputs, const char *user)
+{
+    enum { PREFIX = sizeof STORE_INPUT_PREFIX - 1, SHOWN = 8 };
+    char *named = NULL, hex[STORE_INPUT_HEX + 1];
+    const char *from = text;
+    for (const char *at = text; at && (at = strstr(at, STORE_INPUT_PREFIX));) {
+        const char *end = at + PREFIX;
+        snprintf(hex, sizeof hex, "%s", end);
+        char *name = sent_file_is_hash(hex) ? store_inputs_get_file_name(inputs, hex, user) : NULL;
+        if (!name) {
+            at = end;
+            continue;
+        }
+        end += STORE_INPUT_HEX;
+        while (*end == '.' && isalnum((unsigned char)end[1]))
+            for (end++; isalnum((unsigned char)*end);) end++;
+        char *longer = mem_printf("%s%.*s%s (" STORE_INPUT_PREFIX "%.*s...)", named ? named : "",
+                                  (int)(at - from), from, name, SHOWN, hex);
+        free(named);
+        free(name);
+        named = longer;
+        from = at = end;
+    }
+    char *whole = named ? mem_printf("%s%s", named, from) : NULL;
+    free(named);
+    return whole;
+}
+
+void job_json_find_names(job_json_live *live, const queue_job *job, job_json_viewer viewer,
                          const store_inputs *inputs, const char *user)
 {
+    if (viewer != JOB_JSON_READER && job->error_message)
+        live->error_message = job_json_name_files(job->error_message, inputs, user);
+
     char sent[STORE_INPUT_NAME_SIZE];
     const bool wanted = viewer != JOB_JSON_READER && job->spec && (!job->name || !*job->name);
     json *document = wanted ? json_parse(job->spec, strlen(job->spec), NULL) : NULL;
@@ -226,7 +259,7 @@ json *job_json_new(const queue_job *job, job_json_viewer viewer, const job_json_
         json_put_integer(o, "ahead", live->ahead);
     else
         json_put_null(o, "ahead");
-    put_error(o, viewer, job->error_code, job->error_message);
+    put_error(o, viewer, job->error_code, live->error_message ? live->error_message : job->error_message);
     put_delivery(o, own ? job->copy_state : NULL, job->copy_code, job->copy_message);
     put_links(o, job);
     return o;
@@ -259,8 +292,9 @@ void job_json_append_attempt(json *list, const queue_job *job, const queue_attem
     if (a->reason) json_put_string(o, "reason", a->reason);
 }
 
-json *job_json_append_task(json *list, const queue_task *t)
+json *job_json_append_task(json *list, const queue_task *t, const store_inputs *inputs, const char *user)
 {
+    char *named = t->error_message ? job_json_name_files(t->error_message, inputs, user) : NULL;
     json *o = json_append_object(list);
     json_put_integer(o, "number", t->number);
     if (t->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", t->frame);
@@ -274,7 +308,8 @@ json *job_json_append_task(json *list, const queue_task *t)
     job_json_put_time(o, "not_before", t->not_before_ms);
     job_json_put_time(o, "started", t->started_ms);
     job_json_put_time(o, "finished", t->finished_ms);
-    put_error(o, JOB_JSON_OWNER, t->error_code, t->error_message);
+    put_error(o, JOB_JSON_OWNER, t->error_code, named ? named : t->error_message);
+    free(named);
     return o;
 }
 

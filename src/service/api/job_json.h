@@ -37,11 +37,17 @@ typedef struct job_json_live {
     char *progress;      /* the last progress line of its worker (JSON text); NULL: none */
     char *input;         /* for a job without a name: the name of the first file of its surface; NULL: none */
     bool input_is_label; /* a user gave an uploaded file the name `input` */
+    char *error_message; /* of the job, with names of uploaded files; NULL: as it is stored */
     int ahead;           /* see queue_count_ahead; -1: the job does not wait for its turn */
 } job_json_live;
 
-/* Sets `input` and `input_is_label`. The name of an uploaded file is the one that `user`, the caller, gave it. */
-void job_json_find_input(job_json_live *live, const queue_job *job, job_json_viewer viewer,
+/* The text with the names that the user gave uploaded files: `sha256:HEX.obj` becomes `bunny.obj (sha256:8a73d5b2...)`.
+ * NULL: it names no file of that user. The caller frees it. */
+char *job_json_name_files(const char *text, const store_inputs *inputs, const char *user);
+
+/* Sets `input`, `input_is_label` and `error_message`. The name of an uploaded file is the one that `user`, the caller,
+ * gave it. */
+void job_json_find_names(job_json_live *live, const queue_job *job, job_json_viewer viewer,
                          const store_inputs *inputs, const char *user);
 void job_json_live_clear(job_json_live *live);
 /* Whether the document of the job changes with its revision only. */
@@ -66,8 +72,8 @@ void job_json_append_worker(json *list, const queue_claimed *running, job_json_v
  * only for callers who may read the result. `frame` may be QUEUE_NO_FRAME. */
 void job_json_put_notes(json *object, const char *work_dir, const char *id, int frame, bool succeeded);
 
-/* Appends the document of a task and returns it; the list owns it. */
-json *job_json_append_task(json *list, const queue_task *task);
+/* Appends the document of a task and returns it; the list owns it. `inputs`, `user`: as above. */
+json *job_json_append_task(json *list, const queue_task *task, const store_inputs *inputs, const char *user);
 /* Appends the document of an attempt. */
 void job_json_append_attempt(json *list, const queue_job *job, const queue_attempt *attempt);
 

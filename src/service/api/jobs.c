@@ -44,7 +44,7 @@ static job_json_live live_of(const http_context *c, const access_caller *caller,
     job_json_viewer viewer = job_json_viewer_of(caller, job->owner);
     if (viewer != JOB_JSON_READER && !queue_state_is_final(job->state))
         live.progress = executor_progress(c->x, job->id);
-    job_json_find_input(&live, job, viewer, c->inputs, caller->user);
+    job_json_find_names(&live, job, viewer, c->inputs, caller->user);
     int ahead = 0;
     if (job->state == QUEUE_QUEUED && !job->paused && queue_count_ahead(c->q, job, &ahead, NULL))
         live.ahead = ahead;

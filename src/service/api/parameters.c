@@ -143,7 +143,9 @@ static const parameter parameters[] = {
      .low = 0,
      .high = 1,
      .otherwise = "0",
-     .prose = "1: the events of the jobs of all users."},
+     .prose =
+         "1: the events of the jobs of all users; of an upload, as an administrator: delete it for all users, at "
+         "once."},
     {.name = "dependents",
      .type = PARAMETER_INTEGER,
      .low = 0,

@@ -31,10 +31,11 @@ static void look_at_jobs(const http_context *c, finding *f)
     if (executor_takes_jobs(c->x)) return;
     f->state = "draining";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail,
-             executor_is_draining(c->x)
-                 ? "the service is stopping and accepts no jobs"
-                 : "an administrator drained the service, which accepts no jobs: run hexadctl undrain");
+    snprintf(
+        f->detail, sizeof f->detail,
+        executor_is_draining(c->x)
+            ? "the service is stopping and accepts no jobs"
+            : "an administrator drained the service, which accepts no jobs until it is restarted: run hexadctl undrain");
 }
 
 /* A held queue does not prevent the service from accepting jobs. */
@@ -203,24 +204,41 @@ static void put_sum(json *o, const queue_sum *sum, const queue_sum *limit)
     put_limit(o, "results_limit", limit->results);
 }
 
+/* Appends what a user holds. */
+static void append_user(const http_context *c, const char *user, const queue_sum *sum, const queue_sum *limit,
+                        json *list)
+{
+    json *o = json_append_object(list);
+    const int64_t most = ledger_get_limits(c->counts, LEDGER_UPLOAD_BYTES).holder;
+    json_put_string(o, "user", user);
+    put_sum(o, sum, limit);
+    json_put_integer(o, "upload_bytes", store_inputs_count_bytes(c->inputs, user));
+    put_limit(o, "upload_bytes_limit", most ? most : INT64_MAX);
+}
+
 void status_usage(const http_context *c, const http_request *request, reply *r)
 {
-    (void)request;
     error e = {0};
     queue_usage usage;
+    const char *caller = request->caller->user;
+    const store_inputs_space uploads = store_inputs_get_space(c->inputs);
     if (!queue_get_usage(c->q, &usage, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }
-    json *document = json_new_object();
-    put_sum(json_put_object(document, "all"), &usage.all, &usage.bounds.all);
+    json *document = json_new_object(), *all = json_put_object(document, "all");
+    put_sum(all, &usage.all, &usage.bounds.all);
+    json_put_integer(all, "upload_bytes", uploads.used_bytes);
+    json_put_integer(all, "upload_bytes_limit", uploads.limit_bytes);
     json_put_bool(document, "full", usage.full);
     json *list = json_put_array(document, "users");
+    bool listed = false;
     for (size_t i = 0; i < usage.count; i++) {
-        json *o = json_append_object(list);
-        json_put_string(o, "user", usage.user[i].name);
-        put_sum(o, &usage.user[i].sum, &usage.bounds.user);
+        listed = listed || strcmp(usage.user[i].name, caller) == 0;
+        append_user(c, usage.user[i].name, &usage.user[i].sum, &usage.bounds.user, list);
     }
+    if (!listed && store_inputs_count_bytes(c->inputs, caller) > 0)
+        append_user(c, caller, &(queue_sum){0}, &usage.bounds.user, list);
     free(usage.user);
     reply_set_json(r, 200, document);
 }

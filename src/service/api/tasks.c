@@ -27,8 +27,8 @@ void tasks_list(const http_context *c, const http_request *request, reply *r)
     } else {
         json *document = json_new_object(), *list = json_put_array(document, "tasks");
         for (size_t i = 0; i < count && i < limit; i++)
-            job_json_put_notes(job_json_append_task(list, &tasks[i]), c->work_dir, job.id, tasks[i].frame,
-                               tasks[i].state == QUEUE_SUCCEEDED);
+            job_json_put_notes(job_json_append_task(list, &tasks[i], c->inputs, request->caller->user),
+                               c->work_dir, job.id, tasks[i].frame, tasks[i].state == QUEUE_SUCCEEDED);
         if (count > limit)
             json_put_integer(document, "next", tasks[limit - 1].number);
         else

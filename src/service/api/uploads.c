@@ -8,6 +8,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
+#include "service/api/job_json.h"
 #include "service/http/parameter.h"
 
 typedef struct upload {
@@ -69,6 +70,9 @@ static void refuse(const http_context *c, const http_request *request, store_upl
             r, "digest_mismatch", NULL,
             "the SHA-256 of the received bytes differs from the one in the path: send the file again");
         break;
+    case STORE_UPLOAD_GONE:
+        reply_set_problem(r, "conflict", NULL, "the file was deleted during the request: send it again");
+        break;
     case STORE_UPLOAD_FAILED:
         executor_note_failed_write(c->x);
         reply_set_error(r, why, NULL);
@@ -86,18 +90,25 @@ static const char *read_hash(const http_request *request, reply *r)
     return NULL;
 }
 
+static void put_input(const http_context *c, const access_caller *caller, const char *hex, int64_t bytes,
+                      int64_t sent_ms, json *o)
+{
+    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex),
+         *name = store_inputs_get_file_name(c->inputs, hex, caller->user);
+    json_put_string(o, "sha256", hex);
+    json_put_integer(o, "bytes", bytes);
+    json_put_string(o, "path", path);
+    json_put_string(o, "name", name);
+    job_json_put_time(o, "sent", sent_ms >= 0 ? sent_ms : 0);
+    free(path);
+    free(name);
+}
+
 static void show(const http_context *c, const access_caller *caller, const char *hex, int64_t bytes,
                  int status, reply *r)
 {
     json *document = json_new_object();
-    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex),
-         *name = store_inputs_get_file_name(c->inputs, hex, caller->user);
-    json_put_string(document, "sha256", hex);
-    json_put_integer(document, "bytes", bytes);
-    json_put_string(document, "path", path);
-    json_put_string(document, "name", name);
-    free(path);
-    free(name);
+    put_input(c, caller, hex, bytes, store_inputs_find_sent(c->inputs, hex, caller->user), document);
     reply_set_json(r, status, document);
 }
 
@@ -130,7 +141,7 @@ static void drop(http_sink *sink)
 bool uploads_may_use(const http_context *c, const access_caller *caller, const char *hex)
 {
     return c->share_inputs || caller->scopes & SCOPE_ADMIN ||
-           store_inputs_was_sent_by(c->inputs, hex, caller->user);
+           store_inputs_find_sent(c->inputs, hex, caller->user) >= 0;
 }
 
 bool uploads_check(const http_context *c, const access_caller *caller, const char *path, error *e)
@@ -150,14 +161,15 @@ bool uploads_check(const http_context *c, const access_caller *caller, const cha
     return fd >= 0;
 }
 
-/* Whether the request gives the file a name that it does not have yet. */
-static bool renames(const http_context *c, const http_request *request, const char *hex)
+/* Whether the request for a stored file changes anything: the caller does not hold the file, or gives it a name that
+ * it does not have yet. */
+static bool changes_records(const http_context *c, const http_request *request, const char *hex)
 {
     const char *name = parameter_text(request, "name", NULL);
     char *old = name ? store_inputs_get_file_name(c->inputs, hex, request->caller->user) : NULL;
     bool changes = name && (!old || strcmp(old, name) != 0);
     free(old);
-    return changes;
+    return changes || store_inputs_find_sent(c->inputs, hex, request->caller->user) < 0;
 }
 
 http_sink *uploads_begin(const http_context *c, const http_request *request, reply *r)
@@ -171,8 +183,8 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
         return NULL;
     }
     int64_t there = uploads_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
-    /* the client has not sent the body yet: answer without it; a name is stored by a thread of the pool */
-    if (there >= 0 && request->waits && !renames(c, request, hex)) {
+    /* the client has not sent the body yet: answer without it; records are stored by a thread of the pool */
+    if (there >= 0 && request->waits && !changes_records(c, request, hex)) {
         show(c, request->caller, hex, there, 200, r);
         return NULL;
     }
@@ -194,12 +206,10 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
     upload *u = (upload *)(void *)request->sink;
     const char *hex = request->parameter[0], *name = parameter_text(request, "name", NULL);
     bool sent = u->file != NULL;
-    if (sent && u->outcome == STORE_UPLOAD_GOOD)
-        u->outcome =
-            queue_has_place(c->q, &u->why) ? store_upload_commit(u->file, &u->why) : STORE_UPLOAD_FAILED;
-    if (sent && u->outcome == STORE_UPLOAD_GOOD &&
-        !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
-        u->outcome = STORE_UPLOAD_FAILED;
+    if (u->outcome == STORE_UPLOAD_GOOD)
+        u->outcome = !queue_has_place(c->q, &u->why) ? STORE_UPLOAD_FAILED
+                     : sent                          ? store_upload_commit(u->file, &u->why)
+                            : store_inputs_hold(c->inputs, hex, request->caller->user, &u->why);
     if (name && u->outcome == STORE_UPLOAD_GOOD &&
         !store_inputs_set_file_name(c->inputs, hex, request->caller->user, name, &u->why))
         u->outcome = STORE_UPLOAD_FAILED;
@@ -230,16 +240,107 @@ void uploads_show(const http_context *c, const http_request *request, reply *r)
                           hex);
 }
 
+/* A cursor is the time, in milliseconds, and the hash of the last file of the previous page. */
+static bool read_cursor(const char *text, int64_t *sent_ms, const char **hex)
+{
+    char *end = NULL;
+    *sent_ms = strtoll(text, &end, 10);
+    *hex = end + 1;
+    return end > text && *end == '-' && sent_file_is_hash(*hex);
+}
+
+/* The index of the first file behind the cursor. The list is sorted as store_inputs_list does. */
+static size_t find_start(const store_input *list, size_t count, int64_t sent_ms, const char *hex)
+{
+    size_t i = 0;
+    while (i < count &&
+           (list[i].sent_ms > sent_ms || (list[i].sent_ms == sent_ms && strcmp(list[i].hex, hex) <= 0)))
+        i++;
+    return i;
+}
+
+/* Appends a file that the caller holds, with the caller's jobs that read it. */
+static bool append_upload(const http_context *c, const access_caller *caller, const store_input *file,
+                          json *list, error *e)
+{
+    queue_input_jobs jobs;
+    char name[STORE_INPUT_NAME_SIZE];
+    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", file->hex);
+    if (!queue_list_input_jobs(c->q, name, caller->user, &jobs, e)) return false;
+    json *o = json_append_object(list);
+    put_input(c, caller, file->hex, file->bytes, file->sent_ms, o);
+    job_json_put_time(o, "used", file->used_ms);
+    json *ids = json_put_array(o, "jobs");
+    for (size_t i = 0; i < jobs.id_count; i++) json_append_string(ids, jobs.id[i]);
+    json_put_integer(o, "job_count", jobs.all);
+    json_put_integer(o, "unfinished_count", jobs.unfinished);
+    return true;
+}
+
+void uploads_list(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    store_input *list = NULL;
+    size_t count = 0, start = 0, limit = (size_t)parameter_integer(request, "limit", 50);
+    int64_t sent_ms = 0;
+    const char *cursor = parameter_text(request, "cursor", NULL), *hex = NULL;
+    if (cursor && !read_cursor(cursor, &sent_ms, &hex)) {
+        reply_set_problem(r, "request_invalid", NULL, "cursor must be `next` of a page of this list");
+        return;
+    }
+    bool ok = store_inputs_list(c->inputs, request->caller->user, &list, &count, &e);
+    json *document = json_new_object(), *files = json_put_array(document, "inputs");
+    if (ok && cursor) start = find_start(list, count, sent_ms, hex);
+    const size_t end = count - start > limit ? start + limit : count;
+    for (size_t i = start; ok && i < end; i++) ok = append_upload(c, request->caller, &list[i], files, &e);
+    char *next =
+        ok && end < count ? mem_printf("%lld-%s", (long long)list[end - 1].sent_ms, list[end - 1].hex) : NULL;
+    json_put_string(document, "next", next);
+    if (ok) {
+        reply_set_json(r, 200, document);
+    } else {
+        reply_set_error(r, &e, NULL);
+        json_free(document);
+    }
+    free(next);
+    free(list);
+}
+
+/* Ends the caller's hold of a file, and removes the file if no other user holds it and no unfinished job reads it.
+ * If a job reads it, the file is removed after the end of the job (service/results/retention). */
+static bool release(const http_context *c, const access_caller *caller, const char *hex, bool *found,
+                    error *e)
+{
+    bool wanted = true, removed = false;
+    char name[STORE_INPUT_NAME_SIZE];
+    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", hex);
+    if (!store_inputs_release(c->inputs, hex, caller->user, found, e)) return false;
+    if (!*found) return true;
+    return queue_wants_input(c->q, name, &wanted, e) &&
+           (wanted || store_inputs_remove(c->inputs, hex, false, &removed, e));
+}
+
 void uploads_delete(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
-    bool found = false;
+    bool found = false, all = parameter_integer(request, "all", 0) != 0,
+         admin = request->caller->scopes & SCOPE_ADMIN;
     const char *hex = read_hash(request, r);
     if (!hex) return;
-    if (!queue_has_place(c->q, &e) || !store_inputs_remove(c->inputs, hex, &found, &e))
+    if (all && !admin) {
+        reply_set_problem(r, "forbidden", NULL,
+                          "only administrators may delete a file that other users hold: omit all=1");
+        return;
+    }
+    if (!queue_has_place(c->q, &e) || !(all ? store_inputs_remove(c->inputs, hex, true, &found, &e)
+                                            : release(c, request->caller, hex, &found, &e)))
         reply_set_error(r, &e, NULL);
     else if (!found)
-        reply_set_problem(r, "not_found", NULL, "the input %s does not exist", hex);
+        reply_set_problem(r, "not_found", NULL, "the input %s %s%s", hex,
+                          all ? "does not exist" : "was not uploaded by this user, or has expired",
+                          admin && !all
+                              ? ": to delete a file of other users, add all=1 (hexadctl delete-upload --all)"
+                              : "");
     else
         reply_set_empty(r, 204);
 }

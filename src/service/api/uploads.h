@@ -6,8 +6,8 @@
 
 #include "service/api/context.h"
 
-/* Whether jobs of the caller may read the uploaded file of this hash: the caller has uploaded it and it
- * exists, the caller is an administrator, or share_inputs is set. In the last two cases the file need not
+/* Whether jobs of the caller may read the uploaded file of this hash: the caller has uploaded it, has not deleted it,
+ * and it exists; the caller is an administrator, or share_inputs is set. In the last two cases the file need not
  * exist. Any thread. */
 bool uploads_may_use(const http_context *c, const access_caller *caller, const char *hex);
 
@@ -17,6 +17,6 @@ bool uploads_may_use(const http_context *c, const access_caller *caller, const c
 bool uploads_check(const http_context *c, const access_caller *caller, const char *path, error *e);
 
 http_opener uploads_begin; /* the opener of PUT; uploads_put finishes its sink */
-http_handler uploads_put, uploads_show, uploads_delete, uploads_inspect;
+http_handler uploads_put, uploads_list, uploads_show, uploads_delete, uploads_inspect;
 
 #endif

@@ -213,7 +213,7 @@ static bool read_file(config *c, const char *path, error *e)
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
     if (!s.file) {
         const int fault = errno;
-        char *why = denial_explain(path, fault, DENIAL_READ, ". Check --config.");
+        char *why = denial_explain(path, fault, DENIAL_SETTINGS, ". Check --config.");
         error_set(e, ERROR_SPEC_INVALID, "cannot read the settings file %s: %s%s", path, strerror(fault),
                   why);
         free(why);
@@ -593,9 +593,9 @@ void config_print_help(FILE *file)
         "  --deny USER      revokes this access\n"
         "  --open-port USER\n"
         "                   opens the port 127.0.0.1:8642 of the service that systemd runs, for the web page and for\n"
-        "                   other clients of this machine: creates a token for USER, writes the drop-in\n"
-        "                   hexad.socket.d/tcp.conf, and restarts the service, which ends running attempts as a\n"
-        "                   drain does. It prints the address and the token; run it as root\n"
+        "                   other clients of this machine: creates a token for USER who has none, writes the drop-in\n"
+        "                   hexad.socket.d/tcp.conf if there is none, and then restarts the service, which ends\n"
+        "                   running attempts as a drain does. It prints the address and the token; run it as root\n"
         "  --check-settings\n"
         "                   checks the settings and starts nothing. It warns of users, groups and\n"
         "                   directories that do not exist, or that the user of this command cannot use,\n"

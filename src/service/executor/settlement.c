@@ -465,7 +465,7 @@ static bool settle_task(const settlement_place *place, const queue_claimed *c, c
                   "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s%s%s", c->job.id,
                   c->task.number, c->task.attempt, s->reason,
                   requeue ? "queued" : queue_state_name(end.state), end.error_code ? " code=" : "",
-                  end.error_code ? end.error_code : "", end.error_message ? ": " : "",
+                  end.error_code ? end.error_code : "", end.error_message && *end.error_message ? ": " : "",
                   end.error_message ? end.error_message : "");
     return ok;
 }

@@ -133,14 +133,18 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
     return ok;
 }
 
+static bool fail_as_other_file(const char *where, error *e)
+{
+    return error_set(e, ERROR_SPEC_INVALID,
+                     "listen %s: the path exists and is not a socket: choose another path", where);
+}
+
 /* Removes the socket of a daemon that has ended. The socket of a daemon that answers is kept. */
 static bool remove_stale(const struct sockaddr_un *address, const char *where, error *e)
 {
     struct stat info;
     if (lstat(address->sun_path, &info) != 0) return true;
-    if (!S_ISSOCK(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: the path exists and is not a socket: choose another path", where);
+    if (!S_ISSOCK(info.st_mode)) return fail_as_other_file(where, e);
     int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0); /* its queue may be full */
     if (probe < 0) return fail(e, where, "socket");
     bool alive =
@@ -194,6 +198,26 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
 static bool is_path(const char *where)
 {
     return strncmp(where, "unix:", 5) == 0;
+}
+
+bool listen_check_place(const char *where, error *e)
+{
+    struct sockaddr_un address;
+    struct stat info;
+    if (!is_path(where)) return true;
+    if (!read_path(where, &address, e)) return false;
+    const char *path = address.sun_path, *end = strrchr(path, '/');
+    char *directory = mem_strndup(path, end > path ? (size_t)(end - path) : 1);
+    bool ok = access(directory, W_OK | X_OK) == 0;
+    if (!ok && errno == EACCES)
+        fail_to_create(path, where, e);
+    else if (!ok)
+        error_set(e, ERROR_INTERNAL, "listen %s: the directory %s: %s: create it, or choose another path",
+                  where, directory, strerror(errno));
+    else if (lstat(path, &info) == 0 && !S_ISSOCK(info.st_mode))
+        ok = fail_as_other_file(where, e);
+    free(directory);
+    return ok;
 }
 
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e)

@@ -28,6 +28,9 @@ bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
 /* What listen_open would report as `reach`, without opening the socket. Error spec_invalid: `where` is malformed, or
  * its host is unknown. */
 bool listen_find_reach(const char *where, listen_reach *reach, error *e);
+/* Whether listen_open can create the socket of a path: its directory exists and is writable, and no other file is
+ * there. True for a port. Creates nothing. */
+bool listen_check_place(const char *where, error *e);
 /* Sets the mode of a path that listen_open opened; `shared` permits other users to connect. A failure is
  * logged. Sockets without a path are unchanged. */
 void listen_share(const listen_socket *s, bool shared);

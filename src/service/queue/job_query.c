@@ -367,6 +367,26 @@ bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
     return ok;
 }
 
+bool queue_list_input_jobs(queue *q, const char *name, const char *owner, queue_input_jobs *jobs, error *e)
+{
+    bool ok = false;
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT id, state NOT IN (" SCHEMA_FINAL_STATES ") FROM input JOIN job ON seq = input.job"
+            " WHERE input.name = ?1 AND owner = ?2 ORDER BY input.job DESC",
+            text(name), text(owner));
+    *jobs = (queue_input_jobs){0};
+    while (database_next(d, s, &ok, e)) {
+        if (jobs->id_count < QUEUE_INPUT_IDS_MOST)
+            snprintf(jobs->id[jobs->id_count++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+        jobs->all++;
+        jobs->unfinished += sqlite3_column_int(s, 1);
+    }
+    database_end_read(d);
+    return ok;
+}
+
 bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
                       error *e)
 {

@@ -299,6 +299,16 @@ int queue_compare(const queue_job *a, const queue_job *b, const queue_filter *fi
 /* Whether an unfinished job reads the uploaded file with this name. */
 bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
 
+/* The jobs of a user that read an uploaded file: the ids of at most QUEUE_INPUT_IDS_MOST, the newest first, and the
+ * numbers of all and of the unfinished ones. */
+#define QUEUE_INPUT_IDS_MOST 100
+typedef struct queue_input_jobs {
+    char id[QUEUE_INPUT_IDS_MOST][ULID_SIZE];
+    size_t id_count;
+    int64_t all, unfinished;
+} queue_input_jobs;
+bool queue_list_input_jobs(queue *q, const char *name, const char *owner, queue_input_jobs *jobs, error *e);
+
 /* The number of jobs in each state. */
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
 

@@ -137,6 +137,8 @@ queue *instance_check_open_queue(const char *state_dir, const char *work_dir, bo
                   " was missing or empty, so a new queue starts without the jobs that waited. There "
                   "are no results",
                   state_dir);
+    else if (q && lost)
+        log_write(LOG_LEVEL_INFO, "a new queue is created in %s", state_dir);
     return q;
 }
 

@@ -125,6 +125,8 @@ static char *read_notes(json_at report)
     json_at kept = json_member(&report, "notes"), surface = json_member(&report, "surface");
     if (json_type_of(kept) == JSON_OBJECT) return json_print(kept.node);
     json *notes = json_new_object();
+    copy_member(report, "count", notes);
+    copy_member(report, "spacing", notes);
     copy_member(report, "ratings", notes);
     copy_member(report, "outcome_reasons", notes);
     copy_member(surface, "warnings", notes);

@@ -32,8 +32,8 @@ typedef struct result {
     int64_t report_bytes;
     size_t output_count;
     result_output *output; /* in the order of the report; only result_list adds report.json */
-    char *notes;           /* JSON object of what users should read before they use the result: ratings,
-                  * outcome_reasons, warnings, advice (doc/report.md) */
+    char *notes; /* JSON object of what users should read before they use the result: count, spacing,
+                  * ratings, outcome_reasons, warnings, advice (doc/report.md) */
 } result;
 
 /* Reads and checks a result. On success the caller calls result_clear. Errors: input_damaged: the result is

@@ -32,7 +32,7 @@ struct retention {
     queue *q;
     char *work_dir;
     store_inputs *inputs; /* NULL: uploaded files are not collected */
-    int64_t keep_ms;
+    int64_t keep_ms;      /* of uploaded files; 0: without limit */
     runner_task *task;
     pthread_mutex_t mutex; /* guards `delivered` and `left` */
     fetches *fetches;
@@ -296,16 +296,17 @@ static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
     return true;
 }
 
-/* Whether the file has been unused for keep_ms and no unfinished job reads it. False on a database error. */
-static bool may_go(void *context, const char *name, int64_t used_ms)
+/* Whether no user holds the file, or it has been unused for keep_ms, and no unfinished job reads it. False on a
+ * database error. */
+static bool may_go(void *context, const char *name, int64_t used_ms, bool held)
 {
     retention *r = context;
     bool wanted = true;
-    return running_time_is_over(queue_running(r->q), used_ms, r->keep_ms) &&
-           queue_wants_input(r->q, name, &wanted, NULL) && !wanted;
+    bool over = r->keep_ms > 0 && running_time_is_over(queue_running(r->q), used_ms, r->keep_ms);
+    return (over || !held) && queue_wants_input(r->q, name, &wanted, NULL) && !wanted;
 }
 
-/* Removes unused uploaded files, if the next collection is due. */
+/* Removes uploaded files that are unused or held by no user, if the next collection is due. */
 static void collect_inputs(retention *r)
 {
     error e = {0};
@@ -315,7 +316,8 @@ static void collect_inputs(retention *r)
     if (!store_inputs_collect(r->inputs, may_go, r, &gone, &e))
         log_write(LOG_LEVEL_WARNING, "cannot delete expired inputs: %s", e.message);
     if (gone) log_write(LOG_LEVEL_INFO, "expired inputs deleted count=%zu", gone);
-    r->collect_ms = now + least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS);
+    r->collect_ms = now + (r->keep_ms > 0 ? least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS)
+                                          : COLLECT_MOST_MS);
 }
 
 /* Stores the running time of the daemon, if it is due. */
@@ -372,7 +374,7 @@ retention *retention_add(runner *to, queue *q, const char *work_dir, store_input
     r->space_fd = space_fd;
     r->fetches = fetches_new();
     r->left = true; /* a crash may have left noted directories */
-    r->inputs = keep_s > 0 ? inputs : NULL;
+    r->inputs = inputs;
     r->keep_ms = (int64_t)(keep_s * 1000);
     r->work_dir = mem_strdup(work_dir);
     r->began_ms = clock_wall_ms();

@@ -318,17 +318,6 @@ static int64_t run_files(void *context)
     return clock_monotonic_ms() + LOOK_MS;
 }
 
-static bool check_accounts(const slurm_settings *settings, error *e)
-{
-    for (size_t i = 0; i < settings->account_count; i++) {
-        const char *equals = strchr(settings->accounts[i], '=');
-        if (!equals || equals == settings->accounts[i] || !equals[1])
-            return error_set(e, ERROR_SPEC_INVALID, "slurm_accounts: must be user=account (given %s)",
-                             settings->accounts[i]);
-    }
-    return true;
-}
-
 static void place_free(slurm *s)
 {
     pthread_mutex_destroy(&s->mutex);
@@ -345,7 +334,6 @@ static void place_free(slurm *s)
 
 slurm *slurm_open(const slurm_settings *settings, runner *to, error *e)
 {
-    if (!check_accounts(settings, e)) return NULL;
     slurm *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->farm = mem_printf("%s/" ATTEMPT_FILES_FARM, settings->work_dir);

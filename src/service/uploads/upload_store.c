@@ -58,12 +58,18 @@ static void hash_name(const char *user, char name[STORE_INPUT_HEX + 1])
     print_digest(&hash, name);
 }
 
-/* The path of the record of a user about a file. */
-static char *record_path(const store_inputs *s, const char *prefix, const char *hex, const char *user)
+/* The path of a record about a file. `sender` is the hash of a user's name. */
+static char *record_path(const store_inputs *s, const char *prefix, const char *hex, const char *sender)
 {
-    char name[STORE_INPUT_HEX + 1];
-    hash_name(user, name);
-    return mem_printf("%s/%s%s:%s", s->directory, prefix, hex, name);
+    return mem_printf("%s/%s%s:%s", s->directory, prefix, hex, sender);
+}
+
+/* The path of the record of a user about a file. */
+static char *user_record_path(const store_inputs *s, const char *prefix, const char *hex, const char *user)
+{
+    char sender[STORE_INPUT_HEX + 1];
+    hash_name(user, sender);
+    return record_path(s, prefix, hex, sender);
 }
 
 /* The hash of the file in the name of a record, followed by ":USER"; NULL: it is no record with this prefix. */
@@ -156,32 +162,118 @@ int64_t store_inputs_use(store_inputs *s, const char *hex)
     return bytes;
 }
 
-bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e)
+static int64_t time_ms(struct timespec t)
 {
-    char *path = record_path(s, SENDER_PREFIX, hex, user);
-    int64_t bytes = store_inputs_find(s, hex);
-    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600); /* O_EXCL: the file is counted once */
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+}
+
+/* Records that the sender holds a file of this length, and counts it once. The caller holds the mutex, and then
+ * flushes the directory. */
+static bool note_sender(store_inputs *s, const char *hex, const char *sender, int64_t bytes, error *e)
+{
+    char *path = record_path(s, SENDER_PREFIX, hex, sender);
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     bool ok = fd >= 0 || errno == EEXIST || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (fd >= 0) {
         close(fd);
-        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(strrchr(path, '/') + 1), bytes > 0 ? bytes : 0);
+        ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender, bytes);
     }
     free(path);
-    return ok && store_directory_sync(s->directory, e);
+    return ok;
 }
 
-bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user)
+int64_t store_inputs_find_sent(store_inputs *s, const char *hex, const char *user)
 {
-    char *path = record_path(s, SENDER_PREFIX, hex, user);
-    bool noted = access(path, F_OK) == 0;
+    struct stat info;
+    char *path = user_record_path(s, SENDER_PREFIX, hex, user);
+    bool noted = lstat(path, &info) == 0;
     free(path);
-    return noted && store_inputs_find(s, hex) >= 0;
+    return noted && store_inputs_find(s, hex) >= 0 ? time_ms(info.st_mtim) : -1;
+}
+
+/* Removes the record at the path, which it frees. *found is set if the record existed. */
+static bool remove_record(char *path, bool *found, error *e)
+{
+    bool gone = unlink(path) == 0;
+    bool ok = gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    *found = *found || gone;
+    free(path);
+    return ok;
+}
+
+bool store_inputs_release(store_inputs *s, const char *hex, const char *user, bool *found, error *e)
+{
+    char sender[STORE_INPUT_HEX + 1];
+    bool held = false, named = false;
+    hash_name(user, sender);
+    pthread_mutex_lock(&s->mutex);
+    const int64_t bytes = store_inputs_find(s, hex);
+    bool ok = remove_record(record_path(s, SENDER_PREFIX, hex, sender), &held, e) &&
+              remove_record(record_path(s, FILE_NAME_PREFIX, hex, sender), &named, e);
+    if (held && bytes > 0) ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender, -bytes);
+    pthread_mutex_unlock(&s->mutex);
+    if (!ok) return false;
+    *found = held || named;
+    return !*found || store_directory_sync(s->directory, e);
+}
+
+int64_t store_inputs_count_bytes(store_inputs *s, const char *user)
+{
+    char sender[STORE_INPUT_HEX + 1];
+    hash_name(user, sender);
+    return ledger_held(s->counts, LEDGER_UPLOAD_BYTES, sender);
+}
+
+/* The newest first, of the same time in the order of the hashes. */
+static int compare_inputs(const void *a, const void *b)
+{
+    const store_input *x = a, *y = b;
+    const int order = (x->sent_ms < y->sent_ms) - (x->sent_ms > y->sent_ms);
+    return order ? order : strcmp(x->hex, y->hex);
+}
+
+/* Fills in a file from the record with this name. False: the file or its record does not exist. */
+static bool read_input(int directory, const char *record, const char *hex, store_input *out)
+{
+    struct stat info, noted;
+    char name[STORE_INPUT_NAME_SIZE];
+    snprintf(out->hex, sizeof out->hex, "%.*s", STORE_INPUT_HEX, hex);
+    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", out->hex);
+    if (!sent_file_is_name(name) || fstatat(directory, name, &info, AT_SYMLINK_NOFOLLOW) != 0 ||
+        fstatat(directory, record, &noted, AT_SYMLINK_NOFOLLOW) != 0)
+        return false;
+    out->bytes = info.st_size;
+    out->used_ms = time_ms(info.st_mtim);
+    out->sent_ms = time_ms(noted.st_mtim);
+    return true;
+}
+
+bool store_inputs_list(store_inputs *s, const char *user, store_input **list, size_t *count, error *e)
+{
+    char sender[STORE_INPUT_HEX + 1];
+    store_input *read = NULL;
+    size_t used = 0, capacity = 0;
+    DIR *directory = opendir(s->directory);
+    if (!directory)
+        return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
+    hash_name(user, sender);
+    for (struct dirent *d; (d = readdir(directory));) {
+        const char *hex = record_hash(d->d_name, SENDER_PREFIX);
+        if (!hex || strcmp(sender_in(d->d_name), sender) != 0) continue;
+        if (used == capacity) read = mem_resize(read, (capacity = capacity * 2 + 16) * sizeof *read);
+        used += read_input(dirfd(directory), d->d_name, hex, &read[used]);
+    }
+    closedir(directory);
+    if (used) qsort(read, used, sizeof *read, compare_inputs);
+    *list = read;
+    *count = used;
+    return true;
 }
 
 char *store_inputs_get_file_name(const store_inputs *s, const char *hex, const char *user)
 {
     size_t count = 0;
-    char *path = record_path(s, FILE_NAME_PREFIX, hex, user),
+    char *path = user_record_path(s, FILE_NAME_PREFIX, hex, user),
          *file_name = store_file_read(path, STORE_INPUT_FILE_NAME_MOST, &count, NULL);
     free(path);
     return file_name;
@@ -190,11 +282,51 @@ char *store_inputs_get_file_name(const store_inputs *s, const char *hex, const c
 bool store_inputs_set_file_name(store_inputs *s, const char *hex, const char *user, const char *file_name,
                                 error *e)
 {
-    char *path = record_path(s, FILE_NAME_PREFIX, hex, user), *old = store_inputs_get_file_name(s, hex, user);
+    char *path = user_record_path(s, FILE_NAME_PREFIX, hex, user),
+         *old = store_inputs_get_file_name(s, hex, user);
     bool ok = (old && strcmp(old, file_name) == 0) || store_file_write(path, file_name, strlen(file_name), e);
     free(old);
     free(path);
     return ok;
+}
+
+typedef char input_hash[STORE_INPUT_HEX + 1];
+
+static int compare_hashes(const void *a, const void *b)
+{
+    return strcmp(a, b);
+}
+
+/* The hashes of all files that users hold, sorted, one for each hold; the caller frees the list. */
+static input_hash *list_held(DIR *directory, size_t *count)
+{
+    input_hash *held = NULL;
+    size_t capacity = 0;
+    *count = 0;
+    rewinddir(directory);
+    for (struct dirent *d; (d = readdir(directory));) {
+        const char *hex = record_hash(d->d_name, SENDER_PREFIX);
+        if (!hex) continue;
+        if (*count == capacity) held = mem_resize(held, (capacity = capacity * 2 + 16) * sizeof *held);
+        snprintf(held[(*count)++], sizeof *held, "%.*s", STORE_INPUT_HEX, hex);
+    }
+    if (*count) qsort(held, *count, sizeof *held, compare_hashes);
+    rewinddir(directory);
+    return held;
+}
+
+/* Whether a user holds the file. */
+static bool is_held(const store_inputs *s, const char *hex)
+{
+    bool held = false;
+    DIR *directory = opendir(s->directory);
+    if (!directory) return true;
+    for (struct dirent *d; !held && (d = readdir(directory));) {
+        const char *of = record_hash(d->d_name, SENDER_PREFIX);
+        held = of && strncmp(of, hex, STORE_INPUT_HEX) == 0;
+    }
+    closedir(directory);
+    return held;
 }
 
 /* A file that was removed. */
@@ -228,34 +360,45 @@ static void remove_records(store_inputs *s, gone_file *files, size_t count)
     closedir(directory);
 }
 
-bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const char *name, int64_t used_ms),
-                          void *context, size_t *gone, error *e)
+/* Removes a file, if may_go permits it and the file is held as it was when `held` was found. *bytes is its length.
+ */
+static bool collect_file(store_inputs *s, int directory, const char *name, bool held,
+                         store_inputs_decision *may_go, void *context, int64_t *bytes)
+{
+    struct stat info;
+    pthread_mutex_lock(&s->mutex);
+    bool there = fstatat(directory, name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
+    bool gone = there && may_go(context, name, time_ms(info.st_mtim), held) &&
+                (held || !is_held(s, name + strlen(STORE_INPUT_PREFIX))) && unlinkat(directory, name, 0) == 0;
+    if (gone) s->used_bytes -= *bytes = info.st_size;
+    pthread_mutex_unlock(&s->mutex);
+    return gone;
+}
+
+bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *context, size_t *gone,
+                          error *e)
 {
     DIR *directory = opendir(s->directory);
     gone_file *files = NULL;
-    size_t capacity = 0;
+    size_t capacity = 0, held_count = 0;
     *gone = 0;
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
+    input_hash *held = list_held(directory, &held_count);
     for (struct dirent *d; (d = readdir(directory));) {
-        struct stat info;
+        int64_t bytes = 0;
+        const char *hex = d->d_name + strlen(STORE_INPUT_PREFIX);
         if (!sent_file_is_name(d->d_name)) continue;
-        pthread_mutex_lock(&s->mutex);
-        bool there =
-            fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
-        const int64_t used_ms =
-            there ? (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000 : 0;
-        if (there && may_go(context, d->d_name, used_ms) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
-            s->used_bytes -= info.st_size;
-            if (*gone == capacity) files = mem_resize(files, (capacity = capacity * 2 + 16) * sizeof *files);
-            files[*gone].bytes = info.st_size;
-            snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", d->d_name + strlen(STORE_INPUT_PREFIX));
-        }
-        pthread_mutex_unlock(&s->mutex);
+        const bool holds = held_count && bsearch(hex, held, held_count, sizeof *held, compare_hashes);
+        if (!collect_file(s, dirfd(directory), d->d_name, holds, may_go, context, &bytes)) continue;
+        if (*gone == capacity) files = mem_resize(files, (capacity = capacity * 2 + 16) * sizeof *files);
+        files[*gone].bytes = bytes;
+        snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", hex);
     }
     closedir(directory);
     if (*gone) remove_records(s, files, *gone);
     free(files);
+    free(held);
     return !*gone || store_directory_sync(s->directory, e);
 }
 
@@ -304,17 +447,19 @@ static void release(store_inputs *s, int64_t bytes)
     pthread_mutex_unlock(&s->mutex);
 }
 
-bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e)
+bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e)
 {
-    int64_t bytes = store_inputs_find(s, hex);
     char *path = path_of(s, hex);
+    pthread_mutex_lock(&s->mutex); /* so that no upload of the same file ends in between */
+    int64_t bytes = also_held || !is_held(s, hex) ? store_inputs_find(s, hex) : -1;
     bool gone = bytes >= 0 && unlink(path) == 0;
     bool ok =
         bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    if (gone) s->used_bytes -= bytes;
+    pthread_mutex_unlock(&s->mutex);
     if (gone) {
         gone_file file = {{0}, bytes};
         snprintf(file.hex, sizeof file.hex, "%s", hex);
-        release(s, bytes);
         remove_records(s, &file, 1);
     }
     if (ok) *found = gone;
@@ -337,7 +482,7 @@ static store_upload_outcome enter(store_inputs *s, const char *sender, int64_t a
 static void leave(store_inputs *s, const char *sender, int64_t bytes, int64_t kept)
 {
     release(s, bytes - kept);
-    /* store_inputs_note_sender counts a file that stays */
+    /* note_sender counts a file that stays */
     ledger_give_back(s->counts, LEDGER_UPLOAD_BYTES, sender, bytes);
     ledger_give_back(s->counts, LEDGER_UPLOADS, sender, 1);
 }
@@ -396,7 +541,9 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
         ok = there ? utimensat(AT_FDCWD, u->file.path, NULL, AT_SYMLINK_NOFOLLOW) == 0
                    : store_file_commit(&u->file, e);
         u->committed = ok && !there;
+        ok = ok && note_sender(u->owner, hex, u->sender, u->bytes, e);
         pthread_mutex_unlock(&u->owner->mutex);
+        ok = ok && store_directory_sync(u->owner->directory, e);
     }
     if (ok) return STORE_UPLOAD_GOOD;
     return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
@@ -408,4 +555,21 @@ void store_upload_end(store_upload *u)
     store_file_abort(&u->file);
     leave(u->owner, u->sender, u->bytes, u->committed ? u->bytes : 0);
     free(u);
+}
+
+store_upload_outcome store_inputs_hold(store_inputs *s, const char *hex, const char *user, error *e)
+{
+    char sender[STORE_INPUT_HEX + 1];
+    if (store_inputs_find_sent(s, hex, user) >= 0) return STORE_UPLOAD_GOOD;
+    hash_name(user, sender);
+    pthread_mutex_lock(&s->mutex);
+    const int64_t bytes = store_inputs_find(s, hex);
+    store_upload_outcome outcome =
+        bytes < 0                                                                    ? STORE_UPLOAD_GONE
+        : ledger_check(s->counts, LEDGER_UPLOAD_BYTES, sender, bytes) != LEDGER_FITS ? STORE_UPLOAD_USER_FULL
+        : note_sender(s, hex, sender, bytes, e)                                      ? STORE_UPLOAD_GOOD
+                                                                                     : STORE_UPLOAD_FAILED;
+    pthread_mutex_unlock(&s->mutex);
+    if (outcome == STORE_UPLOAD_GOOD && !store_directory_sync(s->directory, e)) outcome = STORE_UPLOAD_FAILED;
+    return outcome;
 }

@@ -3,10 +3,11 @@
  *
  * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never
  * changes. A file that is uploaded again is stored once. Its modification time is the time of its last use.
- * For each user that sent a file there is an empty file `sender:HEX:USER`; USER is the SHA-256 of the user's
- * name. `name:HEX:USER` contains the name that the user gave the file; only this user may learn it. Both are
- * removed together with the file. Opening the directory removes unfinished uploads that a crash
- * left. One process owns the directory. Any thread may call; an upload belongs to one thread at a time.
+ * For each user that holds a file, since it sent the file and has not deleted it, there is an empty file
+ * `sender:HEX:USER`; USER is the SHA-256 of the user's name. `name:HEX:USER` contains the name that the user gave
+ * the file; only this user may learn it. Both are removed together with the file. Opening the directory removes
+ * unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload belongs to
+ * one thread at a time.
  */
 #ifndef HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
 #define HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
@@ -42,16 +43,32 @@ int64_t store_inputs_find(store_inputs *s, const char *hex);
 /* As store_inputs_find, and sets the time of the last use to now. */
 int64_t store_inputs_use(store_inputs *s, const char *hex);
 /* Removes the files for which `may_go` returns true. used_ms is the time of the last use, on the wall
- * clock. *gone is the number of removed files. `may_go` must not call functions of this header. */
-bool store_inputs_collect(store_inputs *s, bool (*may_go)(void *context, const char *name, int64_t used_ms),
-                          void *context, size_t *gone, error *e);
-/* Removes a file. *found is false if the file does not exist. Jobs that name the file fail from then on. */
-bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
+ * clock; `held`: a user holds the file. *gone is the number of removed files. `may_go` must not call functions of
+ * this header. */
+typedef bool store_inputs_decision(void *context, const char *name, int64_t used_ms, bool held);
+bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *context, size_t *gone,
+                          error *e);
+/* Removes a file, if it is held only if `also_held`. *found: the file existed and was removed. Jobs that name the
+ * file fail from then on. */
+bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e);
 
-/* Records that the user has sent the file. */
-bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e);
-/* Whether the user has sent the file and the file exists. */
-bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user);
+/* The time at which the user sent the file that it holds, on the wall clock; -1: the user does not hold the file,
+ * or the file does not exist. */
+int64_t store_inputs_find_sent(store_inputs *s, const char *hex, const char *user);
+/* Ends the hold of the user, with the name that the user gave the file. *found: the user held the file or gave it a
+ * name. The file stays, even if no user holds it. */
+bool store_inputs_release(store_inputs *s, const char *hex, const char *user, bool *found, error *e);
+/* The bytes of the files that the user holds, and the arrived bytes of its unfinished uploads. */
+int64_t store_inputs_count_bytes(store_inputs *s, const char *user);
+
+/* A file that a user holds. Times are on the wall clock. */
+typedef struct store_input {
+    char hex[STORE_INPUT_HEX + 1];
+    int64_t bytes, sent_ms, used_ms;
+} store_input;
+
+/* The files that the user holds, the one that was sent last first; the caller frees the list. */
+bool store_inputs_list(store_inputs *s, const char *user, store_input **list, size_t *count, error *e);
 
 /* Records the name that the user gives a file that exists. The length is at most STORE_INPUT_FILE_NAME_MOST bytes. */
 #define STORE_INPUT_FILE_NAME_MOST 255
@@ -68,6 +85,7 @@ typedef enum store_upload_outcome {
     STORE_UPLOAD_USER_FULL, /* over the user's limit of bytes */
     STORE_UPLOAD_TOO_MANY,  /* over the user's limit of simultaneous uploads */
     STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */
+    STORE_UPLOAD_GONE,      /* the file was removed during the request */
     STORE_UPLOAD_FAILED     /* *e has the error */
 } store_upload_outcome;
 
@@ -82,9 +100,13 @@ store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const 
 store_upload_outcome store_upload_open(store_upload *u, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
-/* Verifies the hash, flushes the file and renames it to its name. If the same file is already stored, the
- * upload is discarded. */
+/* Verifies the hash, flushes the file and renames it to its name. The user then holds the file. If the same file is
+ * already stored, the upload is discarded. */
 store_upload_outcome store_upload_commit(store_upload *u, error *e);
 void store_upload_end(store_upload *u); /* removes what was not committed; accepts NULL */
+
+/* The user holds a stored file from now on, without an upload. Results: GOOD, also if the user holds it already;
+ * USER_FULL, GONE, FAILED. */
+store_upload_outcome store_inputs_hold(store_inputs *s, const char *hex, const char *user, error *e);
 
 #endif

@@ -99,15 +99,12 @@ static uint8_t *take_key(char *text, size_t *length, error *e)
 static uint8_t *read_key(const char *path, size_t *key_length, error *e)
 {
     size_t length = 0;
-    int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0) {
         const int fault = errno;
         char *why = denial_explain(path, fault, DENIAL_SECRET, ". Correct this setting.");
-        if (*path)
-            error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file: cannot read %s: %s%s", path,
-                      strerror(fault), why);
-        else
-            error_set(e, ERROR_SPEC_INVALID, "webhook_hosts requires webhook_secret_file: set it");
+        error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file: cannot read %s: %s%s", path, strerror(fault),
+                  why);
         free(why);
         return NULL;
     }
@@ -120,6 +117,14 @@ static uint8_t *read_key(const char *path, size_t *key_length, error *e)
     else if (!key)
         error_prefix(e, "webhook_secret_file %s", path);
     return key;
+}
+
+bool delivery_check_secret(const char *file, error *e)
+{
+    size_t length = 0;
+    uint8_t *key = read_key(file, &length, e);
+    free(key);
+    return key != NULL;
 }
 
 static char *describe(const delivery *c, const queue_delivery *d)

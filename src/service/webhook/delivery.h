@@ -44,6 +44,9 @@ typedef struct delivery_settings {
     delivery_counters *counters;
 } delivery_settings;
 
+/* Whether the file contains a valid secret. Errors as delivery_add. */
+bool delivery_check_secret(const char *file, error *e);
+
 /* Adds the tasks to the runner. The queue must outlive the delivery. Error spec_invalid: the secret is
  * missing, has no valid form, or other users can read it. */
 delivery *delivery_add(runner *to, const delivery_settings *settings, queue *q, error *e);

@@ -128,7 +128,8 @@ bool smooth_sides_make(const mesh *m, const uint32_t (*beside)[3], double crease
 {
     *out = (smooth_sides){.m = m, .beside = beside};
     out->bits = mem_array(m->triangle_count, sizeof *out->bits, what, e);
-    if (!out->bits || (!beside && !list_neighbours(out, pool, e))) return false;
+    out->corner = mem_array(m->triangle_count, sizeof *out->corner, what, e);
+    if (!out->bits || !out->corner || (!beside && !list_neighbours(out, pool, e))) return false;
     const rounding r = rounding_of(m, pool);
     const bbox box = mesh_box(m, pool);
     const marking job = {out, rounding_reach(&r, (const vec3[]){box.min, box.max, box.max}),
@@ -141,6 +142,7 @@ void smooth_sides_free(smooth_sides *s)
 {
     free(s->own);
     free(s->bits);
+    free(s->corner);
     *s = (smooth_sides){0};
 }
 
@@ -179,15 +181,26 @@ sector_bends sector_find_bends(const smooth_sides *s, uint32_t triangle, int cor
     return out;
 }
 
-bool sector_is_corner(const smooth_sides *s, uint32_t triangle, int corner)
+static bool find_is_corner(const smooth_sides *s, uint32_t triangle, int corner)
 {
-    if (!smooth_sides_has_coplanar(s, triangle)) return true;
     const sector_bends b = sector_find_bends(s, triangle, corner);
     if (b.count != 2) return b.count > 0;
     const vec3 *v = s->m->vertex, at = v[s->m->triangle[triangle][corner]], one = vec3_sub(v[b.far[0]], at),
                two = vec3_sub(v[b.far[1]], at);
     return !(vec3_norm2(vec3_cross(one, two)) <= STRAIGHT * STRAIGHT * vec3_norm2(one) * vec3_norm2(two) &&
              vec3_dot(one, two) < 0);
+}
+
+bool sector_is_corner(const smooth_sides *s, uint32_t triangle, int corner)
+{
+    enum { UNKNOWN, NO, YES };
+    if (!smooth_sides_has_coplanar(s, triangle)) return true;
+    uint8_t *kept = &s->corner[triangle][corner], known = __atomic_load_n(kept, __ATOMIC_RELAXED);
+    if (known == UNKNOWN) {
+        known = find_is_corner(s, triangle, corner) ? YES : NO;
+        __atomic_store_n(kept, known, __ATOMIC_RELAXED);
+    }
+    return known == YES;
 }
 
 sector_step sector_follow(const smooth_sides *s, sector_step at)

@@ -2,7 +2,7 @@
 /* smooth_sides: which triangles of a mesh continue each other smoothly, and which of them are coplanar.
  *
  * A crease is a side without exactly one neighbour, or a side that is sharper than a given angle. The triangles
- * around a vertex between two creases are a sector. Immutable after construction, any thread.
+ * around a vertex between two creases are a sector. Any thread.
  */
 #ifndef HEXAD_SURFACE_TRIANGLES_SMOOTH_SIDES_H
 #define HEXAD_SURFACE_TRIANGLES_SMOOTH_SIDES_H
@@ -22,6 +22,8 @@ typedef struct smooth_sides {
      * across it; SMOOTH_SIDES_... */
     uint8_t (*bits)[3];
     uint32_t (*own)[3]; /* `beside`, if it was not given */
+    /* per triangle and corner: the result of sector_is_corner, 0: not computed yet. Accessed atomically */
+    uint8_t (*corner)[3];
 } smooth_sides;
 
 /* The triangle across a side is oriented against this one; it is coplanar with it; the side is a crease. */

@@ -378,29 +378,31 @@ bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, cros
 
 #define AROUND (GRID_VIEW_SIDE + 3) /* voxels along an axis of a block's cells, with one more on each side */
 
-/* Reads the signs of F (+1, 0, -1) from one voxel below the block to two above it. */
-static void read_signs(const grid_view *l, const int32_t block[3], int8_t signs[AROUND][AROUND][AROUND])
+/* Marks the voxels that are outside (F > 0), from one voxel below the block to two above it. Extrapolated voxels of
+ * dense data do not count. */
+static void read_outside(const grid_view *l, const int32_t block[3], bool outside[AROUND][AROUND][AROUND])
 {
     grid_view_block around[27];
     grid_view_around(l, block, around);
     for (int n = 0; n < 27; n++) {
         const int step[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
-        float f[GRID_VIEW_VOXELS];
-        grid_view_read(l, around[n], f);
+        grid_view_signs constant;
+        const grid_view_signs *s = grid_view_find_signs(l, around[n], &constant);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             const int x = GRID_VIEW_SIDE * step[0] + (k >> 6) + 1,
                       y = GRID_VIEW_SIDE * step[1] + (k >> 3 & 7) + 1,
                       z = GRID_VIEW_SIDE * step[2] + (k & 7) + 1;
             if (x < 0 || y < 0 || z < 0 || x >= AROUND || y >= AROUND || z >= AROUND) continue;
-            signs[x][y][z] = (int8_t)((f[k] > 0) - (f[k] < 0));
+            const uint64_t counted = l->kind == GRID_VIEW_DENSE ? s->known[k >> 6] : ~(uint64_t)0;
+            outside[x][y][z] = (s->outside[k >> 6] & counted) >> (k & 63) & 1;
         }
     }
 }
 
-static bool is_plateau(int8_t signs[AROUND][AROUND][AROUND], int x, int y, int z)
+static bool is_plateau(bool outside[AROUND][AROUND][AROUND], int x, int y, int z)
 {
     for (int k = 0; k < 64; k++)
-        if (signs[x + (k >> 4)][y + (k >> 2 & 3)][z + (k & 3)] > 0) return false;
+        if (outside[x + (k >> 4)][y + (k >> 2 & 3)][z + (k & 3)]) return false;
     return true;
 }
 
@@ -417,11 +419,11 @@ static void plateau_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const crossing_block *b = &job->crossings->blocks[n];
-        int8_t signs[AROUND][AROUND][AROUND];
+        bool outside[AROUND][AROUND][AROUND];
         if (!b->flat) continue;
-        read_signs(job->from, b->block, signs);
+        read_outside(job->from, b->block, outside);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++)
-            if (b->rows[k >> 3] >> (k & 7) & 1) cells += is_plateau(signs, k >> 6, k >> 3 & 7, k & 7);
+            if (b->rows[k >> 3] >> (k & 7) & 1) cells += is_plateau(outside, k >> 6, k >> 3 & 7, k & 7);
     }
     atomic_fetch_add(&job->cells, cells);
 }

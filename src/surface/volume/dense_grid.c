@@ -264,8 +264,8 @@ static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *
         return error_set(e, ERROR_NO_SURFACE, "all values of the volume are %g: give another volume",
                          facts->lowest);
     return error_set(e, ERROR_NO_SURFACE,
-                     "the volume has no surface at isovalue %g: choose an isovalue between its lowest "
-                     "value, %g, and its highest, %g",
+                     "the volume has no surface at isovalue %g: choose an isovalue above its lowest "
+                     "value, %g, and below its highest, %g",
                      w->isovalue, facts->lowest, facts->highest);
 }
 

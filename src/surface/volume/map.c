@@ -136,12 +136,12 @@ static bool take_component(map *m, const mesh_reader_values *head, const float *
     return true;
 }
 
-map *map_of_vertices(const mesh_file *file, const char *name, int component, error *e)
+map *map_of_vertices(const mesh_file *file, const char *name, int component, mesh_notes *notes, error *e)
 {
     map *m = mem_alloc(sizeof *m);
     mesh_values values = {0};
     size_t which;
-    const bool ok = mesh_file_read_values(file, &m->triangles, &values, e) &&
+    const bool ok = mesh_file_read_values(file, &m->triangles, &values, notes, e) &&
                     mesh_values_find(&values, name, &which, e) &&
                     take_component(m, &values.head[which], values.value[which], component, e) &&
                     (m->tree = triangle_tree_new(&m->triangles, e));

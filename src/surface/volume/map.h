@@ -30,10 +30,10 @@ map *map_of_array(const array_grid *grid, error *e);
 
 /* The array `name` of the vertices of a mesh file (mesh_file_read_values). `component`: index of the component, or
  * MAP_NO_COMPONENT for an array of one. The file need not outlive the map. Errors: those of
- * mesh_file_read_values and mesh_values_find, input_unsupported (the component), input_damaged (the value of a
+ * mesh_file_read_values (also for `notes`) and mesh_values_find, input_unsupported (the component), input_damaged (the value of a
  * vertex of a triangle is not finite), limit_memory; messages have the file. */
 enum { MAP_NO_COMPONENT = -1 };
-map *map_of_vertices(const mesh_file *file, const char *name, int component, error *e);
+map *map_of_vertices(const mesh_file *file, const char *name, int component, mesh_notes *notes, error *e);
 
 void map_close(map *m);
 size_t map_memory(const map *m); /* bytes; NULL: 0 */

@@ -198,24 +198,41 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
         return error_set(e, ERROR_NO_SURFACE, "all values of %s are %g%s: choose another grid", l->name,
                          l->lowest, more);
     return error_set(e, ERROR_NO_SURFACE,
-                     "%s has no surface at isovalue %g: choose an isovalue between its lowest value, %g, "
-                     "and its highest, %g%s",
+                     "%s has no surface at isovalue %g: choose an isovalue above its lowest value, %g, "
+                     "and below its highest, %g%s",
                      l->name, v->info.isovalue, l->lowest, l->highest, more);
 }
 
 /* Fraction of the crossed cells from which the surface counts as the edge of a plateau at the isovalue. */
 static const double plateau_from = 0.1;
 
+/* Whether the isovalue and all values near the surface are whole numbers. */
+static bool has_whole_values(const loading *l, const volume *v)
+{
+    const vdb_grid *g = l->grid;
+    bool whole = v->info.isovalue == rint(v->info.isovalue);
+    for (size_t n = 0; whole && n < g->leaf_count * VDB_LEAF_VOXELS; n++)
+        whole = g->leaf_values[n] == rintf(g->leaf_values[n]);
+    return whole;
+}
+
 static bool check_plateau(const loading *l, const volume *v, error *e)
 {
     const grid_view *a = &l->grid_view;
     const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings, l->pool);
     if ((double)flat < plateau_from * (double)cells) return true;
-    return error_set(e, ERROR_NO_SURFACE,
-                     "%s has no surface at isovalue %g, which equals its background (in %.3g %% of the "
-                     "cells the values reach it without a sign change): choose an isovalue between %g and "
-                     "%g",
-                     l->name, v->info.isovalue, 100 * (double)flat / (double)cells, l->lowest, l->highest);
+    char other[128];
+    if (has_whole_values(l, v))
+        snprintf(other, sizeof other, "Try %g, or one that hexadctl inspect FILE suggests",
+                 v->info.isovalue + 0.5);
+    else
+        snprintf(other, sizeof other, "Choose an isovalue above %g and below %g",
+                 v->info.isovalue > l->lowest ? l->lowest : v->info.isovalue, l->highest);
+    return error_set(
+        e, ERROR_NO_SURFACE,
+        "%s has no surface at isovalue %g: in %.3g %% of the cells there, the values reach it without "
+        "a sign change, as where the background has this value. %s",
+        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, other);
 }
 
 /* Half-width of a narrow band beside its isovalue that is sufficient for the cells on the surface. */
@@ -791,6 +808,19 @@ bbox volume_clear_box(const volume *v)
     return (bbox){vec3_axpy(-share, half, middle), vec3_axpy(share, half, middle)};
 }
 
+/* Whether each value near the surface is the lowest or the highest. */
+static bool has_two_values(const vdb_grid *g, const dense_grid_facts *facts)
+{
+    const float low = (float)(facts->lowest - g->zero), high = (float)(facts->highest - g->zero);
+    bool two = true;
+    for (size_t n = 0; two && n < g->leaf_count * VDB_LEAF_VOXELS; n++) {
+        const size_t leaf = n / VDB_LEAF_VOXELS, k = n % VDB_LEAF_VOXELS;
+        const bool active = g->leaf_active[leaf * VDB_LEAF_SIDE + (k >> 6)] >> (k & 63) & 1;
+        two = !active || g->leaf_values[n] == low || g->leaf_values[n] == high;
+    }
+    return two;
+}
+
 static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
 {
     const dense_grid_facts *facts = &l->facts;
@@ -814,6 +844,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     memcpy(v->info.space, r->source->space, sizeof v->info.space);
     l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
     if (!l->grid) return false;
+    v->info.two_values = has_two_values(l->grid, facts);
     v->info.active_voxels = l->grid->active_voxels;
     for (uint32_t k = 0; k < r->source->warnings.count; k++)
         warn(&v->info, "%s", r->source->warnings.text[k]);

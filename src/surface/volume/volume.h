@@ -88,6 +88,7 @@ typedef struct volume_info {
     fidelity fidelity;          /* of a mesh without an offset */
     resolution resolution;      /* of a mesh: voxel size, and how it was chosen */
     int64_t size[3];            /* samples of a dense volume; otherwise 0 */
+    bool two_values;            /* a dense volume has no third value near the surface, as a mask */
     char format[12], space[64]; /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
