@@ -120,7 +120,7 @@ class Case:
         channels = re.search(r"has the channels (.*): choose one with exr.channel", said)
         parts = re.search(r'parts of the file have .*? \("([^"]*)".*: choose one with exr.part', said)
         several = re.search(r"has \d+ volumes of .*: choose one with index", said)
-        values = re.search(r"isovalue between its lowest value, (\S+), and its highest, ([^\s;]+)", said)
+        values = re.search(r"isovalue above its lowest value, (\S+), and below its highest, ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):
                 yield from self.outcomes(count, {**chosen, "grid": name})

@@ -56,7 +56,7 @@ static const expectation vdb_files[] = {
     {"ls_sphere_half.vdb", NULL, 1, ERROR_NO_SURFACE, "isovalue 1", 0},
     {"monkey_mantaflow.vdb", "density", 0.3, ERROR_NONE, NULL, 0.95},
     {"monkey_mantaflow.vdb", "flame", 0.3, ERROR_NO_SURFACE, "no active voxel", 0},
-    {"monkey_mantaflow.vdb", "shadow", 0.3, ERROR_NO_SURFACE, "lowest value, -1, and its highest, 0", 0},
+    {"monkey_mantaflow.vdb", "shadow", 0.3, ERROR_NO_SURFACE, "lowest value, -1, and below its highest, 0", 0},
     {"monkey_mantaflow.vdb", "velocity", 0.3, ERROR_INPUT_UNSUPPORTED, "vec3s", 0},
     {"nebula_5grids.vdb", "distance", NAN, ERROR_NONE, NULL, 1},
     {"nebula_5grids.vdb", "density", 0.3, ERROR_NONE, NULL, 0.95},
