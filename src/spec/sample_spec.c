@@ -164,7 +164,8 @@ bool sample_spec_check(const sample_options *options, error *e)
     return ok;
 }
 
-static const char *const members[] = {"mesh", "vdb", "volume"};
+/* The members of a surface that inspect suggests. */
+static const char *const members[] = {"mesh", "vdb", "volume", "labels", "exr"};
 enum { MEMBERS = sizeof members / sizeof *members };
 
 /* A value of the surface in a document, such as its path. NULL: it has none. */
@@ -197,15 +198,14 @@ typedef char *note_writer(const json *inspection, const char *member, double val
 static char *note_of(const json *inspection, const sample_options *options, const char *key,
                      note_writer *write)
 {
-    static const char *const kinds[] = {"vdb", "volume", "labels"};
     const json *suggested = sample_spec_suggested(inspection);
     json *own = suggested ? json_copy(suggested) : NULL, *given = json_new_object();
     char *note = NULL;
     apply(given, options, 0, NULL);
-    for (size_t i = 0; own && i < sizeof kinds / sizeof *kinds && !note; i++) {
-        json *value = value_of_surface(own, kinds[i], key);
-        if (value && !value_of_surface(given, kinds[i], key))
-            note = write(inspection, kinds[i], json_number(json_root(value), 0));
+    for (size_t i = 0; own && i < MEMBERS && !note; i++) {
+        json *value = value_of_surface(own, members[i], key);
+        if (value && !value_of_surface(given, members[i], key))
+            note = write(inspection, members[i], json_number(json_root(value), 0));
     }
     json_free(own);
     json_free(given);

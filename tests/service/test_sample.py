@@ -242,6 +242,24 @@ def test_a_pattern_is_sampled_as_an_array(sample, sample_alone, new_service, tmp
     assert every.returncode == 2 and "write numbers in place of" in every.stderr, every.stderr
 
 
+def test_a_pattern_of_label_images_is_sampled_as_an_array(sample, new_service, tmp_path):
+    root = tmp_path / "inputs"
+    root.mkdir()
+    x = numpy.arange(24) - 11.5
+    square = sum(g * g for g in numpy.meshgrid(x, x, x))
+    radii = {1: (4, 8), 2: (5, 10)}  # of a ball of label 2 in a ball of label 1
+    for frame, (inner, outer) in radii.items():
+        write_nrrd(root / f"seg.{frame:04}.nrrd", ((square < outer ** 2).astype("u1") + (square < inner ** 2)).astype("u1"))
+    service = new_service("--input_roots", root).start()
+    done = sample("--on-service", root / "seg.####.nrrd", "--frames", "1-2", "--count", 300, of=service)
+    assert done.returncode == 0, done.stderr
+    assert spec_of(tmp_path / "seg")["surface"]["labels"]["path"] == str(root / "seg.####.nrrd")
+    for frame, (inner, outer) in radii.items():
+        distance = numpy.linalg.norm(positions(tmp_path / "seg" / str(frame)) - 11.5, axis=1)
+        off = numpy.minimum(abs(distance - inner), abs(distance - outer))
+        assert off.max() < 1 and (distance < (inner + outer) / 2).any() and (distance > (inner + outer) / 2).any(), (frame, off.max())
+
+
 def test_the_exit_status_is_that_of_the_job(sample, sample_alone, tmp_path):
     ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
     for call, words in ((sample, ()), (lambda *w: sample_alone(*w, code=11), ("--output", "alone"))):

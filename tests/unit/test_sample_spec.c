@@ -200,6 +200,26 @@ static void a_vdb_file_with_an_isovalue_needs_no_inspection(void **state)
     assert_false(sample_spec_needs_inspection("mesh", &part));
 }
 
+static void the_spec_of_frames_has_the_pattern(void **state)
+{
+    (void)state;
+    static const char *const members[] = {"mesh", "vdb", "volume", "labels", "exr"};
+    for (size_t i = 0; i < sizeof members / sizeof *members; i++) {
+        error e = {0};
+        char inspection[200], expected[200];
+        snprintf(
+            inspection, sizeof inspection,
+            "{\"suggestions\":[{\"measured\":true,\"spec\":{\"surface\":{\"%s\":{\"path\":\"a.0007.x\"}},"
+            "\"sampling\":{\"count\":7}}}]}",
+            members[i]);
+        snprintf(expected, sizeof expected, "\"surface\":{\"%s\":{\"path\":\"a.####.x\"}}", members[i]);
+        char *text = make(inspection, "a.####.x", &(sample_options){.frames = "7-8"}, &e);
+        assert_non_null(text);
+        assert_non_null(strstr(text, expected));
+        free(text);
+    }
+}
+
 static void stems_and_endings(void **state)
 {
     (void)state;
@@ -252,6 +272,7 @@ int main(void)
         cmocka_unit_test(the_error_of_the_first_surface_is_returned),
         cmocka_unit_test(a_vdb_file_without_a_surface_is_explained_by_its_grids),
         cmocka_unit_test(a_vdb_file_with_an_isovalue_needs_no_inspection),
+        cmocka_unit_test(the_spec_of_frames_has_the_pattern),
         cmocka_unit_test(stems_and_endings),
         cmocka_unit_test(a_name_that_is_too_long_is_left_out),
     };
