@@ -382,11 +382,13 @@ def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service
     assert sorted(job["name"] for job in jobs(service)) == [f"ball{k}" for k in range(4)]
 
 
+ENDLESS = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_path, number):
     ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
-    endless = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
-    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *endless], stderr=subprocess.PIPE, text=True,
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *ENDLESS], stderr=subprocess.PIPE, text=True,
                           stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path) as command:
         job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
         service.wait_state(job, "running")
@@ -396,6 +398,21 @@ def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_p
     assert f'"hexadctl wait {job}"' in told and f'"hexadctl cancel {job}"' in told
     assert service.job(job)["state"] == "running"
     subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_sample_keeps_ignoring_a_signal(build, service, tmp_path, number):
+    """As with nohup, or in the background of a shell script."""
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *ENDLESS], stderr=subprocess.PIPE, text=True,
+                          stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path,
+                          preexec_fn=lambda: signal.signal(number, signal.SIG_IGN)) as command:
+        job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
+        service.wait_state(job, "running")
+        command.send_signal(number)
+        subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+        told = command.stderr.read()
+    assert command.returncode == 6 and "continues" not in told, (command.returncode, told)
 
 
 def test_without_a_service_nothing_is_sent(build, tmp_path):
