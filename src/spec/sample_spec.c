@@ -41,6 +41,18 @@ json *sample_spec_unseen(const char *member, const char *path)
     return inspection;
 }
 
+/* Whether the pointer names a member of the objects in an array, such as /attributes/name. */
+static bool is_in_array(const char *pointer)
+{
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const size_t length = strlen(spec_rows[i].pointer);
+        if (spec_rows[i].type == SPEC_TYPE_GROUPS && strncmp(pointer, spec_rows[i].pointer, length) == 0 &&
+            pointer[length] == '/')
+            return true;
+    }
+    return false;
+}
+
 /* Assignments to the members of a spec whose pointers end with the name before the equals sign, as in
  * isovalue=100; the caller frees the text. "": there is none, or there are too many to list. */
 static char *write_assignments(const char *assignment)
@@ -53,7 +65,7 @@ static char *write_assignments(const char *assignment)
         const char *pointer = spec_rows[i].pointer;
         const size_t all = strlen(pointer);
         if (all <= length || pointer[all - length - 1] != '/' ||
-            strncmp(pointer + all - length, assignment, length) != 0)
+            strncmp(pointer + all - length, assignment, length) != 0 || is_in_array(pointer))
             continue;
         char *longer = mem_printf("%s%s%s%s", list, found ? " or " : "", pointer, assignment + length);
         free(list);
