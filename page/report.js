@@ -62,8 +62,10 @@ function InputName({path}) {
   const [name, setName] = useState(null);
   const sent = /^sha256:([0-9a-f]{64})/.exec(path);
   useEffect(() => {
+    let live = true; // an answer for a former path is ignored
     setName(null);
-    if (sent) get(`v1/inputs/${sent[1]}`).then(upload => setName(upload.name), () => {}); // it may have expired
+    if (sent) get(`v1/inputs/${sent[1]}`).then(upload => live && setName(upload.name), () => {}); // it may have expired
+    return () => { live = false; };
   }, [path]);
   return html`<td class="name" title=${path}>${name ?? path}</td>`;
 }

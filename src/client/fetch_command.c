@@ -140,6 +140,22 @@ static int *list_frames(const char *directory, size_t *count)
     return frame;
 }
 
+/* Reads the document with the list of results of a job or of its frame; NULL: there is none. The caller frees it. */
+static json *read_results(client *c, const char *id, const char *frame)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *path = mem_printf("/v1/jobs/%s/results%s%s", id, frame ? "?frame=" : "", frame ? frame : "");
+    json *document = NULL;
+    if (client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200) {
+        document = reply.document;
+        reply.document = NULL;
+    }
+    client_reply_clear(&reply);
+    free(path);
+    return document;
+}
+
 /* Whether a directory has frames, none of which is a result of the array. */
 static bool has_other_frames(client *c, const char *id, const char *directory)
 {
@@ -147,16 +163,12 @@ static bool has_other_frames(client *c, const char *id, const char *directory)
     int *frame = list_frames(directory, &count);
     bool other = count > 0;
     for (size_t i = 0; i < count && other; i++) {
-        error e = {0};
-        client_reply reply = {0};
-        char *list = mem_printf("/v1/jobs/%s/results?frame=%d", id, frame[i]),
-             *there = mem_printf("%s/%d", directory, frame[i]);
-        if (client_call(c, "GET", list, NULL, 0, &reply, &e) && reply.status == 200) {
-            json_at root = json_root(reply.document);
-            other = has_other_result(there, json_member(&root, "results"));
-        }
-        client_reply_clear(&reply);
-        free(list);
+        char *number = mem_printf("%d", frame[i]), *there = mem_printf("%s/%s", directory, number);
+        json *document = read_results(c, id, number);
+        json_at root = json_root(document);
+        if (document) other = has_other_result(there, json_member(&root, "results"));
+        json_free(document);
+        free(number);
         free(there);
     }
     free(frame);
@@ -545,27 +557,77 @@ static int fetch_label(client *c, const command_options *options)
     return code;
 }
 
-/* Whether a result of the job may be written into a directory: it does not exist or has files of this result. */
-static bool may_hold(client *c, json_at job, const char *directory)
+/* Whether a directory has a complete file of the list. */
+static bool has_file(const char *directory, json_at results)
 {
-    error e = {0};
-    client_reply reply = {0};
-    const char *id = json_string(json_member(&job, "id"), "");
-    if (store_directory_is_free(directory, false)) return true;
-    if (json_bool(json_member(&job, "array"), false))
-        return has_frames(directory) && !has_other_frames(c, id, directory);
-    char *list = mem_printf("/v1/jobs/%s/results", id);
-    bool has_file = false;
-    const bool known = client_call(c, "GET", list, NULL, 0, &reply, &e) && reply.status == 200;
-    json_at root = json_root(reply.document), results = json_member(&root, "results");
-    for (json_at item = json_first(&results); known && !has_file && item.node; item = json_next(&item)) {
+    bool found = false;
+    for (json_at item = json_first(&results); !found && item.node; item = json_next(&item)) {
         char *path = mem_printf("%s/%s", directory, json_string(json_member(&item, "name"), ""));
-        has_file = is_there(path, json_string(json_member(&item, "sha256"), ""));
+        found = is_there(path, json_string(json_member(&item, "sha256"), ""));
         free(path);
     }
-    const bool may = has_file && !has_other_result(directory, results);
-    client_reply_clear(&reply);
-    free(list);
+    return found;
+}
+
+static bool is_temporary(const char *name, json_at results)
+{
+    bool found = false;
+    for (json_at item = json_first(&results); !found && item.node; item = json_next(&item))
+        found = store_file_is_temporary(name, json_string(json_member(&item, "name"), ""));
+    return found;
+}
+
+static bool is_dot(const char *name)
+{
+    return strcmp(name, ".") == 0 || strcmp(name, "..") == 0;
+}
+
+/* Whether a directory has no entries but temporary files of the list, which an interrupted fetch leaves. */
+static bool has_only_temporary(const char *directory, json_at results)
+{
+    DIR *opened = opendir(directory);
+    bool only = opened != NULL;
+    for (struct dirent *entry; only && (entry = readdir(opened));)
+        only = is_dot(entry->d_name) || is_temporary(entry->d_name, results);
+    if (opened) closedir(opened);
+    return only;
+}
+
+/* Whether a directory has a complete file of a frame of the array, or no entries but directories of frames with
+ * temporary files. */
+static bool has_array(client *c, const char *id, const char *directory)
+{
+    DIR *opened = opendir(directory);
+    bool found = false, only = opened != NULL;
+    for (struct dirent *entry; opened && !found && (entry = readdir(opened));) {
+        const char *name = entry->d_name;
+        if (is_dot(name)) continue;
+        const bool is_frame = strspn(name, "0123456789") == strlen(name);
+        json *document = is_frame ? read_results(c, id, name) : NULL;
+        json_at root = json_root(document), results = json_member(&root, "results");
+        char *there = mem_printf("%s/%s", directory, name);
+        found = document && has_file(there, results);
+        only = only && document && has_only_temporary(there, results);
+        free(there);
+        json_free(document);
+    }
+    if (opened) closedir(opened);
+    return found || only;
+}
+
+/* Whether a result of the job may be written into a directory: it does not exist, or has files of this result, or
+ * only what a fetch leaves that was interrupted before its first file. */
+static bool may_hold(client *c, json_at job, const char *directory)
+{
+    const char *id = json_string(json_member(&job, "id"), "");
+    if (store_directory_is_free(directory, true)) return true;
+    if (json_bool(json_member(&job, "array"), false))
+        return has_array(c, id, directory) && !has_other_frames(c, id, directory);
+    json *document = read_results(c, id, NULL);
+    json_at root = json_root(document), results = json_member(&root, "results");
+    const bool may = document && !has_other_result(directory, results) &&
+                     (has_file(directory, results) || has_only_temporary(directory, results));
+    json_free(document);
     return may;
 }
 

@@ -214,23 +214,34 @@ static char *make_spec(const json *inspection, const char *path, const command_o
 /* What a terminating signal prints while the command waits. */
 static char interrupted_text[256];
 
-static void tell_interrupted(int number)
+static void print_interruption(int number)
 {
     const ssize_t written = write(STDERR_FILENO, interrupted_text, strlen(interrupted_text));
     (void)written; /* the process ends in any case; SA_RESETHAND restored the default action */
     raise(number);
 }
 
-/* From now on an interruption prints that the job continues. */
-static void explain_interruptions(const char *id)
+static const int terminating[] = {SIGINT, SIGTERM};
+enum { TERMINATING = sizeof terminating / sizeof *terminating };
+
+/* From now on an interruption prints that the job continues. A signal that the process ignores stays ignored.
+ * `former`: the actions until now. */
+static void explain_interruptions(const char *id, struct sigaction former[TERMINATING])
 {
-    struct sigaction action = {.sa_handler = tell_interrupted, .sa_flags = SA_RESETHAND};
+    const struct sigaction action = {.sa_handler = print_interruption, .sa_flags = SA_RESETHAND};
     snprintf(
         interrupted_text, sizeof interrupted_text,
         "\nhexadctl: the job %.40s continues: \"hexadctl wait %.40s\" waits for its end, and \"hexadctl cancel %.40s\" cancels it\n",
         id, id, id);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    for (size_t i = 0; i < TERMINATING; i++) {
+        sigaction(terminating[i], NULL, &former[i]);
+        if (former[i].sa_handler != SIG_IGN) sigaction(terminating[i], &action, NULL);
+    }
+}
+
+static void restore_actions(const struct sigaction former[TERMINATING])
+{
+    for (size_t i = 0; i < TERMINATING; i++) sigaction(terminating[i], &former[i], NULL);
 }
 
 /* Waits for the end of the job, and fetches its result into the directory, with the spec. Returns the exit
@@ -240,7 +251,10 @@ static int take_result(client *c, const char *id, const char *spec, const char *
 {
     error e = {0};
     char *path = command_job_path(id, ""), *beside = mem_printf("%s/" SAMPLE_SPEC_NAME, directory);
+    struct sigaction former[TERMINATING];
+    explain_interruptions(id, former);
     int code = path ? command_wait_for(c, path, options) : COMMAND_FAILED;
+    restore_actions(former);
     const bool has_result = code == COMMAND_OK || code == COMMAND_NOT_CONVERGED || code == COMMAND_UNRESOLVED;
     int fetched = COMMAND_OK;
     if (has_result) {
@@ -281,7 +295,6 @@ int command_sample(client *c, const char *argument, const command_options *optio
         const char *id = json_string(json_member(&root, "id"), "");
         /* printed first, so that the id is known if the wait is interrupted */
         terminal_text_print(stderr, "job %s\n", id);
-        explain_interruptions(id);
         code = take_result(c, id, spec, directory, options);
     }
     json_free(inspection);

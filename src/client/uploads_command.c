@@ -107,7 +107,8 @@ static char *hash_of(const char *given)
 
 static bool is_named(json_at upload, const char *name)
 {
-    return strcmp(text_of(upload, "name", ""), name) == 0;
+    const char *own = text_of(upload, "name", NULL);
+    return own && strcmp(own, name) == 0;
 }
 
 static int refuse_several(const char *name, size_t count, json_at list)
@@ -123,10 +124,14 @@ static int refuse_several(const char *name, size_t count, json_at list)
     return COMMAND_USAGE;
 }
 
-/* Finds the one upload with this name. *hex: its hash, which the caller frees. */
-static int find_named(client *c, const char *name, char **hex)
+/* Finds the one upload of the caller with this name. *hex: its hash, which the caller frees. */
+static int find_named(client *c, const char *name, bool all, char **hex)
 {
     json *uploads = NULL;
+    if (!*name) {
+        print_failure("delete-upload: a name is empty: give the name, the path or the SHA-256 of an upload");
+        return COMMAND_USAGE;
+    }
     int code = read_uploads(c, &uploads);
     if (code != COMMAND_OK) return code;
     size_t count = 0;
@@ -138,8 +143,9 @@ static int find_named(client *c, const char *name, char **hex)
     else if (count > 1)
         code = refuse_several(name, count, list);
     else {
-        print_failure(
-            "no upload of this user has the name %s: run \"hexadctl uploads\" for the names and paths", name);
+        print_failure("no upload of this user has the name %s: %s", name,
+                      all ? "give the path or sha256 of an upload of another user"
+                          : "run \"hexadctl uploads\" for the names and paths");
         code = COMMAND_MISSING;
     }
     json_free(uploads);
@@ -151,7 +157,7 @@ int command_delete_upload(client *c, const char *argument, const command_options
     json *document = NULL;
     int code = COMMAND_OK;
     char *hex = hash_of(argument);
-    if (!hex) code = find_named(c, argument, &hex);
+    if (!hex) code = find_named(c, argument, options->all, &hex);
     if (code == COMMAND_OK) {
         char *path = mem_printf("/v1/inputs/%s%s", hex, options->all ? "?all=1" : "");
         code = command_ask(c, "DELETE", path, NULL, &document);

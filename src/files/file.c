@@ -38,8 +38,7 @@ static bool fail(error *e, const char *what, const char *path)
     return false;
 }
 
-/* The parent directory of `path`; the caller frees it. */
-static char *parent_of(const char *path)
+char *store_parent_of(const char *path)
 {
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/') length--;
@@ -59,7 +58,7 @@ bool store_directory_sync(const char *path, error *e)
 
 static bool parent_sync(const char *path, error *e)
 {
-    char *parent = parent_of(path);
+    char *parent = store_parent_of(path);
     bool ok = store_directory_sync(parent, e);
     free(parent);
     return ok;
@@ -78,7 +77,7 @@ bool store_file_is_temporary(const char *name, const char *of)
 
 void store_file_clear(const char *path)
 {
-    char *parent = parent_of(path);
+    char *parent = store_parent_of(path);
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
     DIR *listing = opendir(parent);
     for (struct dirent *entry; listing && (entry = readdir(listing));)
@@ -385,7 +384,7 @@ bool store_directory_add(const char *path, error *e)
 bool store_directory_create(const char *path, error *e)
 {
     struct stat info;
-    char *parent = parent_of(path);
+    char *parent = store_parent_of(path);
     bool ok = !*path || strcmp(parent, path) == 0 || stat(parent, &info) == 0 || errno != ENOENT ||
               store_directory_create(parent, e);
     free(parent);

@@ -105,6 +105,8 @@ bool store_directory_is_free(const char *path, bool empty_too);
  * all of it. On failure returns false and sets errno. */
 bool store_flush(int fd);
 
+/* The directory of a path, which the caller frees. */
+char *store_parent_of(const char *path);
 /* Flushes the entries of a directory to disk. */
 bool store_directory_sync(const char *path, error *e);
 

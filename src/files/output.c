@@ -325,15 +325,16 @@ bool store_output_copy(const store_outputs *outputs, const char *from, const cha
                        int to, const char *path, const char *temporary, error *e)
 {
     int source = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    bool ok =
-        (source >= 0 || fail(e, "cannot be read", from)) &&
-        (unlinkat(to, names[count - 1], 0) == 0 || errno == ENOENT || fail(e, "cannot be replaced", path)) &&
-        (fsync(to) == 0 || fail(e, "cannot be flushed", path));
+    bool ok = (source >= 0 || fail(e, "cannot be read", from)) &&
+              (unlinkat(to, names[count - 1], 0) == 0 || errno == ENOENT ||
+               fail_below(outputs, e, "cannot be replaced", path)) &&
+              (fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path));
     for (size_t i = 0; ok && i < count; i++) {
-        if (i + 1 == count) ok = fsync(to) == 0 || fail(e, "cannot be flushed", path);
-        if (ok && !copy_file(outputs, source, to, names[i], temporary)) ok = fail(e, names[i], path);
+        if (i + 1 == count) ok = fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path);
+        if (ok && !copy_file(outputs, source, to, names[i], temporary))
+            ok = fail_below(outputs, e, names[i], path);
     }
-    ok = ok && (fsync(to) == 0 || fail(e, "cannot be flushed", path));
+    ok = ok && (fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path));
     if (source >= 0) close(source);
     return ok;
 }
@@ -344,8 +345,8 @@ bool store_output_clear(const store_outputs *outputs, const char *path, const ch
     if (!store_output_check(outputs, path, e)) return false;
     int directory = open_directory(outputs, path, MISSING_IS_ERROR, &whole, e);
     if (directory < 0) return false;
-    bool ok =
-        unlinkat(directory, temporary, 0) == 0 || errno == ENOENT || fail(e, "cannot be removed", temporary);
+    bool ok = unlinkat(directory, temporary, 0) == 0 || errno == ENOENT ||
+              fail_below(outputs, e, "a temporary file cannot be removed", path);
     close(directory);
     return ok;
 }

@@ -8,17 +8,7 @@
 #include <unistd.h>
 
 #include "base/core/denial.h"
-#include "base/core/memory.h"
-
-/* The directory of a path, which the caller frees. */
-static char *parent_of(const char *path)
-{
-    size_t length = strlen(path);
-    while (length > 1 && path[length - 1] == '/') length--;
-    while (length > 0 && path[length - 1] != '/') length--;
-    while (length > 1 && path[length - 1] == '/') length--;
-    return length ? mem_strndup(path, length) : mem_strdup(".");
-}
+#include "files/file.h"
 
 /* 0 or the errno of the access to a directory. */
 static int fault_of(const char *path, int mode)
@@ -32,7 +22,7 @@ static int fault_of(const char *path, int mode)
 /* 0 or the errno of the creation of a directory and the directories above it. */
 static int fault_of_creation(const char *path)
 {
-    char *parent = parent_of(path);
+    char *parent = store_parent_of(path);
     int fault = fault_of(parent, W_OK | X_OK);
     if (fault == ENOENT && strcmp(parent, path) != 0) fault = fault_of_creation(parent);
     free(parent);
@@ -55,7 +45,7 @@ bool directory_check_usable(const char *setting, const char *path, error *e)
 
 bool directory_check_file(const char *setting, const char *path, error *e)
 {
-    char *directory = parent_of(path);
+    char *directory = store_parent_of(path);
     const int fault = fault_of(directory, W_OK | X_OK);
     if (fault)
         error_set(e, ERROR_INTERNAL, "%s: cannot create %s: the directory %s: %s: %s", setting, path,
@@ -68,7 +58,7 @@ bool directory_check_file(const char *setting, const char *path, error *e)
 
 bool directory_check_contains(const char *directory, const char *path)
 {
-    char *parent = parent_of(path);
+    char *parent = store_parent_of(path);
     const bool same = strcmp(parent, directory) == 0;
     free(parent);
     return same;

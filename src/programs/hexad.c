@@ -305,12 +305,23 @@ static bool values_roots(service *s, error *e)
     return true;
 }
 
+/* The error names each root that cannot be opened. */
 static bool place_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
-    store_roots *opened = store_roots_open(NULL, (const char *const *)given->item, given->count, e);
-    store_roots_close(opened);
-    return opened != NULL;
+    char *faults = NULL;
+    for (size_t i = 0; i < given->count; i++) {
+        error why = {0};
+        store_roots *opened = store_roots_open(NULL, (const char *const *)given->item + i, 1, &why);
+        store_roots_close(opened);
+        if (opened) continue;
+        char *longer = faults ? mem_printf("%s. %s", faults, why.message) : mem_strdup(why.message);
+        free(faults);
+        faults = longer;
+        error_set(e, why.code, "%s", faults);
+    }
+    free(faults);
+    return !faults;
 }
 
 static bool init_roots(service *s, error *e)

@@ -41,6 +41,18 @@ json *sample_spec_unseen(const char *member, const char *path)
     return inspection;
 }
 
+/* Whether the pointer names a member of the objects in an array, such as /attributes/name. */
+static bool is_in_array(const char *pointer)
+{
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const size_t length = strlen(spec_rows[i].pointer);
+        if (spec_rows[i].type == SPEC_TYPE_GROUPS && strncmp(pointer, spec_rows[i].pointer, length) == 0 &&
+            pointer[length] == '/')
+            return true;
+    }
+    return false;
+}
+
 /* Assignments to the members of a spec whose pointers end with the name before the equals sign, as in
  * isovalue=100; the caller frees the text. "": there is none, or there are too many to list. */
 static char *write_assignments(const char *assignment)
@@ -53,7 +65,7 @@ static char *write_assignments(const char *assignment)
         const char *pointer = spec_rows[i].pointer;
         const size_t all = strlen(pointer);
         if (all <= length || pointer[all - length - 1] != '/' ||
-            strncmp(pointer + all - length, assignment, length) != 0)
+            strncmp(pointer + all - length, assignment, length) != 0 || is_in_array(pointer))
             continue;
         char *longer = mem_printf("%s%s%s%s", list, found ? " or " : "", pointer, assignment + length);
         free(list);
@@ -164,7 +176,8 @@ bool sample_spec_check(const sample_options *options, error *e)
     return ok;
 }
 
-static const char *const members[] = {"mesh", "vdb", "volume"};
+/* The members of a surface that inspect suggests. */
+static const char *const members[] = {"mesh", "vdb", "volume", "labels", "exr"};
 enum { MEMBERS = sizeof members / sizeof *members };
 
 /* A value of the surface in a document, such as its path. NULL: it has none. */
@@ -197,15 +210,14 @@ typedef char *note_writer(const json *inspection, const char *member, double val
 static char *note_of(const json *inspection, const sample_options *options, const char *key,
                      note_writer *write)
 {
-    static const char *const kinds[] = {"vdb", "volume", "labels"};
     const json *suggested = sample_spec_suggested(inspection);
     json *own = suggested ? json_copy(suggested) : NULL, *given = json_new_object();
     char *note = NULL;
     apply(given, options, 0, NULL);
-    for (size_t i = 0; own && i < sizeof kinds / sizeof *kinds && !note; i++) {
-        json *value = value_of_surface(own, kinds[i], key);
-        if (value && !value_of_surface(given, kinds[i], key))
-            note = write(inspection, kinds[i], json_number(json_root(value), 0));
+    for (size_t i = 0; own && i < MEMBERS && !note; i++) {
+        json *value = value_of_surface(own, members[i], key);
+        if (value && !value_of_surface(given, members[i], key))
+            note = write(inspection, members[i], json_number(json_root(value), 0));
     }
     json_free(own);
     json_free(given);

@@ -128,6 +128,14 @@ def test_a_fetch_by_name_writes_to_the_name(run, tmp_path, service):
     assert again.returncode == 0 and "files were there already" in again.stderr and not (tmp_path / first).exists()
     (tmp_path / "ball" / "report.json").unlink()  # as of a fetch that was interrupted
     assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists() and not (tmp_path / first).exists()
+
+    def interrupt(directory):
+        """Leaves what a fetch does that is killed during its first file."""
+        shutil.rmtree(directory)
+        directory.mkdir()
+        (directory / "points.ply.0123456789abcdef").write_bytes(b"ply")
+    interrupt(tmp_path / "ball")
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "report.json").exists() and not (tmp_path / first).exists()
     assert run("delete", first).returncode == 0
     second = submit(201)
     before = (tmp_path / "ball" / "report.json").read_bytes()
@@ -142,6 +150,17 @@ def test_a_fetch_by_name_writes_to_the_name(run, tmp_path, service):
     for _ in range(2):
         assert run("fetch", "ball").returncode == 0 and not (tmp_path / frames).exists()
     assert (tmp_path / "ball" / "2" / "report.json").exists()
+    shutil.rmtree(tmp_path / "ball" / "2")
+    interrupt(tmp_path / "ball" / "1")
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "1" / "report.json").exists()
+    (tmp_path / "ball" / "1" / "report.json").unlink()
+    shutil.rmtree(tmp_path / "ball" / "2")
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / "ball" / "2" / "report.json").exists() and not (tmp_path / frames).exists()
+    shutil.rmtree(tmp_path / "ball")
+    (tmp_path / "ball").mkdir()
+    (tmp_path / "ball" / "notes.txt").write_text("of the user")
+    assert run("fetch", "ball").returncode == 0 and (tmp_path / frames / "1" / "report.json").exists()
+    assert [path.name for path in (tmp_path / "ball").iterdir()] == ["notes.txt"]
 
 
 def test_fetch_before_the_end_names_the_command_that_waits(run, service):

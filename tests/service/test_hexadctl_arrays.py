@@ -333,6 +333,17 @@ def test_uploads_are_listed_and_deleted(run, service, tmp_path):
     for gone in ("c.obj", paths[0]):
         done = run("delete-upload", gone)
         assert done.returncode == 4 and gone.removeprefix("sha256:")[:60] in done.stderr, done.stderr
+    done = run("delete-upload", "c.obj", "--all")
+    assert done.returncode == 4 and "give the path or sha256" in done.stderr, done.stderr
+
+
+def test_an_empty_argument_deletes_no_upload_without_a_name(run, service):
+    content = b"sent without a name"
+    path = "/v1/inputs/" + hashlib.sha256(content).hexdigest()
+    assert service.request("PUT", path, content, {"Content-Type": "application/octet-stream"}).status in (200, 201)
+    done = run("delete-upload", "")
+    assert done.returncode == 2 and "a name is empty" in done.stderr, done.stderr
+    assert service.get(path).status == 200
 
 
 def test_specs_are_checked_and_estimated(run, service, tmp_path):

@@ -413,6 +413,9 @@ def test_a_check_of_settings_says_that_hexad_would_not_start(build, tmp_path):
     assert run_hexad(build, *where).returncode == 1
     told = run_hexad(build, "--state_dir", tmp_path / "state", "--check-settings").stdout
     assert told == "no settings file was read; no faults in the options and the defaults\n"
+    told = run_hexad(build, *where, "--check-settings", "--input_roots", f"{tmp_path}/none1:{tmp_path}:{tmp_path}/none2").stdout
+    assert told.count("cannot open the input root") == 2 and all(f"cannot open the input root {tmp_path}/{name}: No such file" in told
+                                                                 for name in ("none1", "none2")), told
     (tmp_path / "none").mkdir()
     assert run_hexad(build, *where, "--check-settings", "--strict").stdout == f"no faults in the settings of {file}; 1 warning\n"
     assert run_hexad(build, *where, "--strict").returncode == 2

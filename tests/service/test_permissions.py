@@ -72,6 +72,40 @@ def test_a_state_directory_of_another_user_is_named_with_the_command_that_correc
     assert f"{place}/state/lock {ROOTS} 0600, and it must belong to the user 60003" in start_as_user()
 
 
+READ_ONLY = """
+mount -t tmpfs -o ro none "$1" || exit 77
+shift
+exec "$@"
+"""
+
+
+def test_a_missing_directory_on_a_read_only_file_system_is_created_before_its_unit_permits_it(build, tmp_path):
+    """With ReadWritePaths= of a missing directory, a unit of systemd cannot start."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    under = ["unshare", "-m", "sh", "-c", READ_ONLY, "sh", disk]
+    if not shutil.which("unshare") or subprocess.run([*under, "true"], capture_output=True).returncode:
+        pytest.skip("mounting needs root")
+
+    def check(state):
+        return subprocess.run([*under, build / "hexad", "--check-settings", "--state_dir", state], capture_output=True, text=True,
+                              timeout=PATIENCE_S).stdout
+
+    told = check(disk / "a/state")
+    assert "Read-only file system" in told and told.index("install -d -o ") < told.index(f" {disk}/a/state` as root") < \
+        told.index(f"ReadWritePaths={disk}/a/state,"), told
+    assert f"ReadWritePaths={disk}," in check(disk) and "install" not in check(disk)
+
+
+def test_a_directory_of_a_socket_is_created_only_if_it_is_missing(build, tmp_path):
+    (tmp_path / "file").touch()
+    for directory, created in (("none", True), ("file/below", False)):
+        done = subprocess.run([build / "hexad", "--check-settings", "--state_dir", tmp_path / "state", "--listen",
+                               f"unix:{tmp_path}/{directory}/x"], capture_output=True, text=True, timeout=PATIENCE_S)
+        assert f"the directory {tmp_path}/{directory}: " in done.stdout and "choose another path" in done.stdout, done.stdout
+        assert ("create it" in done.stdout) == created, done.stdout
+
+
 def test_files_that_the_service_cannot_read_are_named_with_the_command_that_permits_it(start_as_user):
     """The token file, the key of sessions, the secret of webhooks and the settings."""
     file = start_as_user.place / "file"

@@ -242,6 +242,24 @@ def test_a_pattern_is_sampled_as_an_array(sample, sample_alone, new_service, tmp
     assert every.returncode == 2 and "write numbers in place of" in every.stderr, every.stderr
 
 
+def test_a_pattern_of_label_images_is_sampled_as_an_array(sample, new_service, tmp_path):
+    root = tmp_path / "inputs"
+    root.mkdir()
+    x = numpy.arange(24) - 11.5
+    square = sum(g * g for g in numpy.meshgrid(x, x, x))
+    radii = {1: (4, 8), 2: (5, 10)}  # of a ball of label 2 in a ball of label 1
+    for frame, (inner, outer) in radii.items():
+        write_nrrd(root / f"seg.{frame:04}.nrrd", ((square < outer ** 2).astype("u1") + (square < inner ** 2)).astype("u1"))
+    service = new_service("--input_roots", root).start()
+    done = sample("--on-service", root / "seg.####.nrrd", "--frames", "1-2", "--count", 300, of=service)
+    assert done.returncode == 0, done.stderr
+    assert spec_of(tmp_path / "seg")["surface"]["labels"]["path"] == str(root / "seg.####.nrrd")
+    for frame, (inner, outer) in radii.items():
+        distance = numpy.linalg.norm(positions(tmp_path / "seg" / str(frame)) - 11.5, axis=1)
+        off = numpy.minimum(abs(distance - inner), abs(distance - outer))
+        assert off.max() < 1 and (distance < (inner + outer) / 2).any() and (distance > (inner + outer) / 2).any(), (frame, off.max())
+
+
 def test_the_exit_status_is_that_of_the_job(sample, sample_alone, tmp_path):
     ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
     for call, words in ((sample, ()), (lambda *w: sample_alone(*w, code=11), ("--output", "alone"))):
@@ -364,11 +382,13 @@ def test_samples_wait_for_the_inspections_of_others(build, tmp_path, new_service
     assert sorted(job["name"] for job in jobs(service)) == [f"ball{k}" for k in range(4)]
 
 
+ENDLESS = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_path, number):
     ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
-    endless = ("--set", "/solver/max_sweeps=1000000", "--set", "/solver/step_tolerance=1e-12", "--set", "/solver/energy_tolerance=1e-12")
-    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *endless], stderr=subprocess.PIPE, text=True,
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *ENDLESS], stderr=subprocess.PIPE, text=True,
                           stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path) as command:
         job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
         service.wait_state(job, "running")
@@ -378,6 +398,21 @@ def test_an_interrupted_sample_says_that_the_job_continues(build, service, tmp_p
     assert f'"hexadctl wait {job}"' in told and f'"hexadctl cancel {job}"' in told
     assert service.job(job)["state"] == "running"
     subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_sample_keeps_ignoring_a_signal(build, service, tmp_path, number):
+    """As with nohup, or in the background of a shell script."""
+    ellipsoid(tmp_path / "ball.obj", 1, 1, 1)
+    with subprocess.Popen([build / "hexadctl", "sample", "ball.obj", "--count", "20000", *ENDLESS], stderr=subprocess.PIPE, text=True,
+                          stdout=subprocess.DEVNULL, env=service.environment(), cwd=tmp_path,
+                          preexec_fn=lambda: signal.signal(number, signal.SIG_IGN)) as command:
+        job = next(line for line in command.stderr if line.startswith("job ")).split()[1]
+        service.wait_state(job, "running")
+        command.send_signal(number)
+        subprocess.run([build / "hexadctl", "cancel", job], env=service.environment(), check=True, capture_output=True, timeout=PATIENCE_S)
+        told = command.stderr.read()
+    assert command.returncode == 6 and "continues" not in told, (command.returncode, told)
 
 
 def test_without_a_service_nothing_is_sent(build, tmp_path):

@@ -8,6 +8,8 @@ import subprocess
 
 import pytest
 
+from service import OPEN_TCP
+
 EXPOSURE = 0.6
 
 
@@ -84,10 +86,12 @@ def test_times_agree(units, build):
     assert stop >= drain + grace + 10
 
 
-@pytest.mark.parametrize("listens, token, active, told", [("127.0.0.1:8642", False, False, True), ("127.0.0.1:8642", True, False, False),
-                                                          ("127.0.0.1:8642", False, True, False), ("/run/other.sock", False, False, False),
-                                                          (None, False, False, False)])
-def test_an_installation_with_a_port_and_without_tokens_says_what_to_do(source, tmp_path, listens, token, active, told):
+@pytest.mark.parametrize("listens, token, active, conf, told", [
+    ("127.0.0.1:8642", False, False, "#token_file =\ntoken_file =\n", True), ("127.0.0.1:8642", True, False, "", False),
+    ("127.0.0.1:8642", False, True, "", False), ("/run/other.sock", False, False, "", False), (None, False, False, "", False),
+    ("127.0.0.1:8642", False, False, "token_file = /srv/tokens\n", False),
+    ("127.0.0.1:8642", False, False, f"workers = 2\ntcp_without_tokens = {OPEN_TCP}\n", False)])
+def test_an_installation_with_a_port_and_without_tokens_says_what_to_do(source, tmp_path, listens, token, active, conf, told):
     """As after a purge that left a drop-in of the administrator."""
     units = tmp_path.joinpath("etc", "systemd", "system", "hexad.socket.d")
     programs, settings = tmp_path / "bin", tmp_path.joinpath("etc", "hexad")
@@ -96,6 +100,7 @@ def test_an_installation_with_a_port_and_without_tokens_says_what_to_do(source, 
     if listens:
         (units / "tcp.conf").write_text(f"[Socket]\nListenStream={listens}\n")
     (settings / "tokens").write_text("token\n" if token else "")
+    tmp_path.joinpath("etc", "hexad.conf").write_text(conf)
     (programs / "systemctl").write_text(f"#!/bin/sh\nexit {0 if active else 3}\n")
     (programs / "systemctl").chmod(0o755)
     script = (source / "debian/hexad.postinst").read_text()

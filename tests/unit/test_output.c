@@ -10,7 +10,9 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sched.h>
 #include <sys/inotify.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -285,6 +287,30 @@ static void test_a_directory_that_cannot_be_written(void **state)
     close(directory);
 }
 
+/* The directory itself may be missing when the unit of systemd starts, so its root is named. */
+static void test_a_read_only_directory_names_its_root(void **state)
+{
+    place *p = *state;
+    error of_copy = {0}, of_clear = {0};
+    char *path = mem_printf("%s/a", p->root), *told = mem_printf("ReadWritePaths=%s,", p->root);
+    assert_true(store_directory_create(path, NULL));
+    if (unshare(CLONE_NEWNS) != 0 || mount(NULL, "/", NULL, MS_REC | MS_PRIVATE, NULL) != 0) {
+        free(path);
+        free(told);
+        skip(); /* only root can mount */
+    }
+    assert_int_equal(mount("none", path, "tmpfs", MS_RDONLY, NULL), 0);
+    const bool copied = copy(p, "a", &of_copy),
+               cleared = store_output_clear(&p->outputs, path, TEMPORARY, &of_clear);
+    assert_int_equal(umount(path), 0);
+    assert_false(copied || cleared);
+    assert_int_equal(of_copy.code, ERROR_OUTPUT_UNWRITABLE);
+    assert_non_null(strstr(of_copy.message, told));
+    assert_non_null(strstr(of_clear.message, told));
+    free(path);
+    free(told);
+}
+
 /* A process that is killed during the check leaves nothing: no file gets a name. */
 static void test_a_check_of_a_directory_makes_no_named_file(void **state)
 {
@@ -344,6 +370,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_the_nearest_existing_directory_is_tried, set_up, tear_down),
         cmocka_unit_test(test_the_message_on_a_path_outside_names_setting_and_roots),
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
+        cmocka_unit_test_setup_teardown(test_a_read_only_directory_names_its_root, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_check_of_a_directory_makes_no_named_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),
     };

@@ -120,6 +120,26 @@ static void values_are_json_or_texts(void **state)
     }
 }
 
+static void a_suggested_assignment_names_no_member_of_an_array(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *assignment, *told;
+    } rows[] = {
+        {"name=foo", "--set name=foo: must be /MEMBER=VALUE, such as /name=foo or "
+                     "/sampling/grid/name=foo"},
+        {"type=double", "--set type=double: must be /MEMBER=VALUE, such as /sampling/count=5000"},
+        {"method=sized", "--set method=sized: must be /MEMBER=VALUE, such as /solver/method=sized"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        error e = {0};
+        json *document = json_new_object();
+        assert_false(sample_spec_set(document, rows[i].assignment, &e));
+        assert_string_equal(e.message, rows[i].told);
+        json_free(document);
+    }
+}
+
 static void malformed_options_are_refused(void **state)
 {
     (void)state;
@@ -200,6 +220,26 @@ static void a_vdb_file_with_an_isovalue_needs_no_inspection(void **state)
     assert_false(sample_spec_needs_inspection("mesh", &part));
 }
 
+static void the_spec_of_frames_has_the_pattern(void **state)
+{
+    (void)state;
+    static const char *const members[] = {"mesh", "vdb", "volume", "labels", "exr"};
+    for (size_t i = 0; i < sizeof members / sizeof *members; i++) {
+        error e = {0};
+        char inspection[200], expected[200];
+        snprintf(
+            inspection, sizeof inspection,
+            "{\"suggestions\":[{\"measured\":true,\"spec\":{\"surface\":{\"%s\":{\"path\":\"a.0007.x\"}},"
+            "\"sampling\":{\"count\":7}}}]}",
+            members[i]);
+        snprintf(expected, sizeof expected, "\"surface\":{\"%s\":{\"path\":\"a.####.x\"}}", members[i]);
+        char *text = make(inspection, "a.####.x", &(sample_options){.frames = "7-8"}, &e);
+        assert_non_null(text);
+        assert_non_null(strstr(text, expected));
+        free(text);
+    }
+}
+
 static void stems_and_endings(void **state)
 {
     (void)state;
@@ -248,10 +288,12 @@ int main(void)
         cmocka_unit_test(a_target_replaces_the_suggested_count),
         cmocka_unit_test(a_mesh_needs_no_inspection),
         cmocka_unit_test(values_are_json_or_texts),
+        cmocka_unit_test(a_suggested_assignment_names_no_member_of_an_array),
         cmocka_unit_test(malformed_options_are_refused),
         cmocka_unit_test(the_error_of_the_first_surface_is_returned),
         cmocka_unit_test(a_vdb_file_without_a_surface_is_explained_by_its_grids),
         cmocka_unit_test(a_vdb_file_with_an_isovalue_needs_no_inspection),
+        cmocka_unit_test(the_spec_of_frames_has_the_pattern),
         cmocka_unit_test(stems_and_endings),
         cmocka_unit_test(a_name_that_is_too_long_is_left_out),
     };

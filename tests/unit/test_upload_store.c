@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* upload_store: the space that uploads reserve, in total and of each user. */
 #include <dirent.h>
+#include <fcntl.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,7 +18,7 @@
 #include "service/ledger/ledger.h"
 #include "service/uploads/upload_store.h"
 
-enum { LONGEST = 100, TOTAL = 20, OF_USER = 10, AT_ONCE = 2 };
+enum { LONGEST = 100, TOTAL = 20, OF_USER = 10, AT_ONCE = 2, ROUNDS = 100, OTHERS = 1000 };
 
 typedef struct place {
     char *directory;
@@ -276,6 +278,53 @@ static void test_a_collection_knows_which_files_are_held(void **state)
     assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 3);
 }
 
+/* Sends a file and releases it, again and again. */
+static void *send_and_release(void *context)
+{
+    const place *p = context;
+    char hex[STORE_HASH_SIZE];
+    bool found;
+    for (int i = 0; i < ROUNDS; i++) {
+        send_text(p, "ann", "12345", hex);
+        assert_true(store_inputs_release(p->inputs, hex, "ann", &found, NULL));
+    }
+    return NULL;
+}
+
+static bool is_any(void *context, const char *name, int64_t used_ms, bool held)
+{
+    (void)context;
+    (void)name;
+    (void)used_ms;
+    (void)held;
+    return true;
+}
+
+static void test_a_collection_counts_the_bytes_of_files_that_are_sent_meanwhile(void **state)
+{
+    place *p = *state;
+    pthread_t sender;
+    size_t gone = 0;
+    char hex[STORE_HASH_SIZE];
+    bool found;
+    for (int i = 0; i < OTHERS; i++) { /* they prolong a collection */
+        char *path = mem_printf("%s/other-%d", p->directory, i);
+        const int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+        assert_true(fd >= 0 && close(fd) == 0);
+        free(path);
+    }
+    assert_int_equal(pthread_create(&sender, NULL, send_and_release, p), 0);
+    for (int i = 0; i < ROUNDS; i++) {
+        assert_true(store_inputs_collect(p->inputs, is_any, NULL, &gone, NULL));
+        store_hash("12345", 5, hex);
+        assert_true(store_inputs_remove(p->inputs, hex, true, &found, NULL));
+    }
+    pthread_join(sender, NULL);
+    assert_true(store_inputs_collect(p->inputs, is_any, NULL, &gone, NULL));
+    assert_int_equal(store_inputs_get_space(p->inputs).used_bytes, 0);
+    assert_int_equal(store_inputs_count_bytes(p->inputs, "ann"), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -285,6 +334,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_each_user_names_a_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_each_user_holds_a_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_collection_knows_which_files_are_held, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_collection_counts_the_bytes_of_files_that_are_sent_meanwhile,
+                                        set_up, tear_down),
     };
     return cmocka_run_group_tests_name("inputs", tests, NULL, NULL);
 }

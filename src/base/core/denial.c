@@ -188,11 +188,20 @@ char *denial_describe_directory_of_user(const char *path, const char *user)
 
 char *denial_describe_read_only(const char *directory)
 {
-    return mem_printf(
-        ". If the disk itself can be written, permit the service of systemd to write: run `systemctl edit "
+    struct stat info;
+    const bool absent = stat(directory, &info) != 0 && errno == ENOENT;
+    const names own = names_of(geteuid(), getegid());
+    char *creation = absent ? mem_printf("create the directory: run `install -d -o %s -g %s -m 0700 %s` as "
+                                         "root. Then ",
+                                         own.user, own.group, directory)
+                            : mem_strdup("");
+    char *text = mem_printf(
+        ". If the disk itself can be written, %spermit the service of systemd to write: run `systemctl edit "
         "hexad.service` as root, add the lines [Service] and ReadWritePaths=%s, and run `systemctl restart "
         "hexad.service`",
-        directory);
+        creation, directory);
+    free(creation);
+    return text;
 }
 
 char *denial_explain(const char *path, int fault, denial_need need, const char *otherwise)

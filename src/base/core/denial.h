@@ -27,8 +27,8 @@ char *denial_describe(const char *path, denial_need need);
  * caller frees the text. */
 char *denial_describe_directory_of_user(const char *path, const char *user);
 
-/* The end of a message about a directory on a read-only file system: how a unit of systemd permits writing. The
- * caller frees it. */
+/* The end of a message about a directory on a read-only file system: how a unit of systemd permits writing. A unit
+ * cannot start if such a directory does not exist, so a missing one is created first. The caller frees it. */
 char *denial_describe_read_only(const char *directory);
 
 /* The end of a message about a failed call: ": " and the description if errno was EACCES or EPERM, otherwise

@@ -15,6 +15,7 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "base/core/user_name.h"
+#include "files/file.h"
 
 #define BACKLOG 1024
 
@@ -206,14 +207,14 @@ bool listen_check_place(const char *where, error *e)
     struct stat info;
     if (!is_path(where)) return true;
     if (!read_path(where, &address, e)) return false;
-    const char *path = address.sun_path, *end = strrchr(path, '/');
-    char *directory = mem_strndup(path, end > path ? (size_t)(end - path) : 1);
+    const char *path = address.sun_path;
+    char *directory = store_parent_of(path);
     bool ok = access(directory, W_OK | X_OK) == 0;
     if (!ok && errno == EACCES)
         fail_to_create(path, where, e);
     else if (!ok)
-        error_set(e, ERROR_INTERNAL, "listen %s: the directory %s: %s: create it, or choose another path",
-                  where, directory, strerror(errno));
+        error_set(e, ERROR_INTERNAL, "listen %s: the directory %s: %s: %schoose another path", where,
+                  directory, strerror(errno), errno == ENOENT ? "create it, or " : "");
     else if (lstat(path, &info) == 0 && !S_ISSOCK(info.st_mode))
         ok = fail_as_other_file(where, e);
     free(directory);

@@ -329,48 +329,36 @@ static bool is_held(const store_inputs *s, const char *hex)
     return held;
 }
 
-/* A file that was removed. */
-typedef struct gone_file {
-    char hex[STORE_INPUT_HEX + 1];
-    int64_t bytes;
-} gone_file;
-
-static int compare_gone(const void *a, const void *b)
-{
-    return strncmp(((const gone_file *)a)->hex, ((const gone_file *)b)->hex, STORE_INPUT_HEX);
-}
-
-/* Removes the records about removed files and releases the bytes of their senders. */
-static void remove_records(store_inputs *s, gone_file *files, size_t count)
+/* Removes the records about a removed file, and releases its bytes of the users who held it. The caller holds the
+ * mutex, so that no user sends the file again or releases it in between. */
+static void remove_records(store_inputs *s, const char *hex, int64_t bytes)
 {
     DIR *directory = opendir(s->directory);
     if (!directory) return;
-    qsort(files, count, sizeof *files, compare_gone);
     for (struct dirent *d; (d = readdir(directory));) {
-        int64_t bytes = 0;
-        gone_file key = {{0}, 0};
         const char *sender = record_hash(d->d_name, SENDER_PREFIX),
-                   *hex = sender ? sender : record_hash(d->d_name, FILE_NAME_PREFIX);
-        if (!hex || has_file(dirfd(directory), hex, &bytes)) continue;
-        snprintf(key.hex, sizeof key.hex, "%.*s", STORE_INPUT_HEX, hex);
-        const gone_file *file = bsearch(&key, files, count, sizeof *files, compare_gone);
-        if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && file && sender)
-            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(d->d_name), -file->bytes);
+                   *of = sender ? sender : record_hash(d->d_name, FILE_NAME_PREFIX);
+        if (!of || strncmp(of, hex, STORE_INPUT_HEX) != 0) continue;
+        if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && sender)
+            ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(d->d_name), -bytes);
     }
     closedir(directory);
 }
 
-/* Removes a file, if may_go permits it and the file is held as it was when `held` was found. *bytes is its length.
- */
+/* Removes a file and its records, if may_go permits it and the file is held as it was when `held` was found. */
 static bool collect_file(store_inputs *s, int directory, const char *name, bool held,
-                         store_inputs_decision *may_go, void *context, int64_t *bytes)
+                         store_inputs_decision *may_go, void *context)
 {
     struct stat info;
+    const char *hex = name + strlen(STORE_INPUT_PREFIX);
     pthread_mutex_lock(&s->mutex);
     bool there = fstatat(directory, name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(info.st_mode);
-    bool gone = there && may_go(context, name, time_ms(info.st_mtim), held) &&
-                (held || !is_held(s, name + strlen(STORE_INPUT_PREFIX))) && unlinkat(directory, name, 0) == 0;
-    if (gone) s->used_bytes -= *bytes = info.st_size;
+    bool gone = there && may_go(context, name, time_ms(info.st_mtim), held) && (held || !is_held(s, hex)) &&
+                unlinkat(directory, name, 0) == 0;
+    if (gone) {
+        s->used_bytes -= info.st_size;
+        remove_records(s, hex, info.st_size);
+    }
     pthread_mutex_unlock(&s->mutex);
     return gone;
 }
@@ -379,25 +367,18 @@ bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *
                           error *e)
 {
     DIR *directory = opendir(s->directory);
-    gone_file *files = NULL;
-    size_t capacity = 0, held_count = 0;
+    size_t held_count = 0;
     *gone = 0;
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
     input_hash *held = list_held(directory, &held_count);
     for (struct dirent *d; (d = readdir(directory));) {
-        int64_t bytes = 0;
         const char *hex = d->d_name + strlen(STORE_INPUT_PREFIX);
         if (!sent_file_is_name(d->d_name)) continue;
         const bool holds = held_count && bsearch(hex, held, held_count, sizeof *held, compare_hashes);
-        if (!collect_file(s, dirfd(directory), d->d_name, holds, may_go, context, &bytes)) continue;
-        if (*gone == capacity) files = mem_resize(files, (capacity = capacity * 2 + 16) * sizeof *files);
-        files[*gone].bytes = bytes;
-        snprintf(files[(*gone)++].hex, sizeof files->hex, "%s", hex);
+        *gone += collect_file(s, dirfd(directory), d->d_name, holds, may_go, context);
     }
     closedir(directory);
-    if (*gone) remove_records(s, files, *gone);
-    free(files);
     free(held);
     return !*gone || store_directory_sync(s->directory, e);
 }
@@ -455,13 +436,11 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool 
     bool gone = bytes >= 0 && unlink(path) == 0;
     bool ok =
         bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    if (gone) s->used_bytes -= bytes;
-    pthread_mutex_unlock(&s->mutex);
     if (gone) {
-        gone_file file = {{0}, bytes};
-        snprintf(file.hex, sizeof file.hex, "%s", hex);
-        remove_records(s, &file, 1);
+        s->used_bytes -= bytes;
+        remove_records(s, hex, bytes);
     }
+    pthread_mutex_unlock(&s->mutex);
     if (ok) *found = gone;
     free(path);
     return ok && (!gone || store_directory_sync(s->directory, e));
