@@ -157,6 +157,22 @@ def test_texel_centres_of_glb(carry, tmp_path):
     assert [i["path"] for i in report["inputs"]][0] == str(mesh) and "inode" in report["inputs"][0]
 
 
+def test_memory_for_an_image_that_is_insufficient_beside_the_other_image_is_an_error_at_the_begin(carry, tmp_path):
+    corners, squares, uv = textured.cube()
+    faces, places = textured.triangulate(squares, uv)
+    materials = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}} for k in (0, 1)]
+    large = textured.png(numpy.zeros((4000, 4000, 1), "u1"), 0)  # its pixels are 61 MiB
+    held = textured.png(IMAGE, 2) + bytes(40 << 20)
+    mesh = write_glb(tmp_path / "a.glb", corners, faces, [places], [large, held], materials, [{"source": 0}, {"source": 1}])
+    refused = {}
+    for memory in (90, 100, 105, 110, 115, 200):
+        places, color, _ = carry(mesh, count=100, limits={"memory_mb": memory})
+        if color is None:
+            refused[memory] = places["message"]
+            assert places["code"] == "limit_memory" and places["message"].startswith("/attributes/0: "), places
+    assert max(refused) < 200 and 'the image "image 0": its 4000 x 4000 pixels require' in refused[max(refused)]
+
+
 @pytest.mark.parametrize("shape", ["cube", "sphere"])
 @pytest.mark.parametrize("wrap", WRAP)
 def test_wraps_and_factors_of_glb(carry, tmp_path, shape, wrap):

@@ -25,6 +25,7 @@ typedef struct textured_mesh {
     mesh_textures textures;
     dense_warnings warnings;
     size_t unlisted; /* number of warnings for which `warnings` has no room */
+    size_t places;   /* bytes of the places of the points */
 } textured_mesh;
 
 static void free_mesh(textured_mesh *t)
@@ -206,6 +207,21 @@ static bool read_mesh(const attribute_request *request, textured_mesh *t, error 
 
 /* ---- images */
 
+/* Bytes that are held while an image is decoded. */
+static size_t held_bytes(const textured_mesh *t)
+{
+    const mesh_textures *all = &t->textures;
+    const size_t of_corner =
+                     sizeof *t->polygons.corner + sizeof *all->uv + (all->color ? sizeof *all->color : 0),
+                 of_polygon =
+                     sizeof *t->polygons.size + sizeof *t->polygons.first + sizeof *all->polygon_material;
+    size_t bytes = t->m.vertex_count * sizeof *t->m.vertex + t->m.triangle_count * sizeof *t->m.triangle +
+                   t->polygons.count * of_polygon + t->polygons.corners * of_corner +
+                   all->materials * sizeof *all->material + all->images * sizeof *all->image + t->places;
+    for (size_t k = 0; k < all->images; k++) bytes += all->image[k].bytes;
+    return bytes;
+}
+
 static bool is_used(const mesh_textures *t, uint32_t image)
 {
     for (size_t k = 0; k < t->materials; k++)
@@ -225,12 +241,20 @@ static bool open_image(const attribute_request *request, uint32_t image, texture
                        bool *is_there, error *e)
 {
     const mesh_image *head = &t->textures.image[image];
+    const size_t held = held_bytes(t);
     error fault = {0};
-    *out = (image_file){.fd = -1,
-                        .data = t->textures.data[image],
-                        .size = head->bytes,
-                        .name = head->name,
-                        .limits = {request->image_pixels, request->image_scans, request->memory_limit}};
+    if (held >= request->memory_limit)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the mesh and its %zu images require %zu MiB, which leaves no memory for the pixels of an image: raise "
+            "limits.memory_mb",
+            t->textures.images, held >> 20);
+    *out =
+        (image_file){.fd = -1,
+                     .data = t->textures.data[image],
+                     .size = head->bytes,
+                     .name = head->name,
+                     .limits = {request->image_pixels, request->image_scans, request->memory_limit - held}};
     *is_there = true;
     if (head->bytes > 0) return true;
     *is_there = false;
@@ -401,7 +425,7 @@ static bool finish(const textured_mesh *t, const place *p, double color[4])
 bool base_color_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                      attribute_counts *counts, error *e)
 {
-    textured_mesh t = {0};
+    textured_mesh t = {.places = count * sizeof(place)};
     place *places = mem_array(count, sizeof *places, what, e);
     bool ok =
         places && read_mesh(request, &t, e) && locate_points(request, &t, count, position, places, values, e);
