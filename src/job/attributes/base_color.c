@@ -316,23 +316,6 @@ typedef struct place {
     uint32_t material;
 } place;
 
-/* The polygon of each triangle. The caller frees the array. */
-static uint32_t *polygons_of_triangles(const textured_mesh *t, error *e)
-{
-    uint32_t *polygon = mem_array(t->m.triangle_count, sizeof *polygon, what, e), *next = polygon;
-    for (size_t k = 0; polygon && k < t->polygons.count; k++)
-        for (uint32_t n = 2; n < t->polygons.size[k]; n++) *next++ = (uint32_t)k;
-    return polygon;
-}
-
-/* The index, among the corners of all polygons, of the first corner of a polygon that has the vertex. */
-static size_t corner_at(const mesh_polygons *p, uint32_t polygon, uint32_t vertex)
-{
-    size_t k = p->first[polygon];
-    while (k + 1 < p->first[polygon + 1] && p->corner[k] != vertex) k++;
-    return k;
-}
-
 /* Sets the place of a point and the product of the factor and the colours of the vertices. */
 static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corner[3], const double weight[3],
                    place *out, double color[4])
@@ -343,7 +326,8 @@ static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corn
     out->material = all->polygon_material[polygon];
     const mesh_material *m = out->material == MESH_TEXTURES_NONE ? &white : &all->material[out->material];
     for (int k = 0; k < 3; k++) {
-        const size_t at = corner_at(&t->polygons, polygon, corner[k]);
+        const size_t at =
+            t->polygons.first[polygon] + mesh_polygons_find_corner(&t->polygons, polygon, corner[k]);
         for (int c = 0; c < 2; c++) uv[c] += weight[k] * all->uv[at][c];
         for (int c = 0; all->color && c < 4; c++) tint[c] += weight[k] * (double)all->color[at][c];
     }
@@ -356,7 +340,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
                           const vec3 *position, place *places, double *values, error *e)
 {
     double to_file[3][4];
-    uint32_t *polygon = polygons_of_triangles(t, e);
+    uint32_t *polygon = mesh_polygons_of_triangles(&t->polygons, t->m.triangle_count, e);
     triangle_tree *tree = polygon ? triangle_tree_new(&t->m, e) : NULL;
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; tree && i < count; i++) {
