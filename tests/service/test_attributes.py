@@ -551,6 +551,21 @@ def test_what_is_missing_is_named_with_what_there_is(carry, write_vdb):
     assert none is None and error["code"] == "spec_invalid" and 'two attributes have the name "velocity"' in error["message"]
 
 
+def test_a_file_of_several_grids_is_refused_with_advice_for_its_member_of_the_spec(carry, write_vdb):
+    two = write_vdb("two.vdb", SPACES["plain"], {"density": ball(), "heat": ball()})
+    sphere = {"analytic": {"shape": "sphere", "radius": 1}}
+    fog = {"vdb": {"path": two, "isovalue": 0}}
+    for surface, attributes, parts, member in (
+            (fog, [], {}, "/surface/vdb/grid=NAME"),
+            ({"transform": {"surface": fog, "matrix": numpy.eye(4).ravel().tolist()}}, [], {}, "/surface/transform/surface/vdb/grid=NAME"),
+            (sphere, [], {"region": {"inside": fog}}, "/region/inside/vdb/grid=NAME"),
+            (sphere, [{"from": two, "as": "heat"}], {}, None)):
+        error, none = carry(surface, attributes, **parts)
+        assert none is None and error["code"] == "grid_ambiguous", error
+        assert 'choose one of "density" (float), "heat" (float)' in error["message"], error
+        assert (f"--set {member}" if member else "(float)") in error["message"] and ("--set" in error["message"]) == bool(member), error
+
+
 # ---- frames
 
 @pytest.mark.sanitized

@@ -157,6 +157,22 @@ def test_texel_centres_of_glb(carry, tmp_path):
     assert [i["path"] for i in report["inputs"]][0] == str(mesh) and "inode" in report["inputs"][0]
 
 
+def test_memory_for_an_image_that_is_insufficient_beside_the_other_image_is_an_error_at_the_begin(carry, tmp_path):
+    corners, squares, uv = textured.cube()
+    faces, places = textured.triangulate(squares, uv)
+    materials = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}} for k in (0, 1)]
+    large = textured.png(numpy.zeros((4000, 4000, 1), "u1"), 0)  # its pixels are 61 MiB
+    held = textured.png(IMAGE, 2) + bytes(40 << 20)
+    mesh = write_glb(tmp_path / "a.glb", corners, faces, [places], [large, held], materials, [{"source": 0}, {"source": 1}])
+    refused = {}
+    for memory in (90, 100, 105, 110, 115, 200):
+        places, color, _ = carry(mesh, count=100, limits={"memory_mb": memory})
+        if color is None:
+            refused[memory] = places["message"]
+            assert places["code"] == "limit_memory" and places["message"].startswith("/attributes/0: "), places
+    assert max(refused) < 200 and 'the image "image 0": its 4000 x 4000 pixels require' in refused[max(refused)]
+
+
 @pytest.mark.parametrize("shape", ["cube", "sphere"])
 @pytest.mark.parametrize("wrap", WRAP)
 def test_wraps_and_factors_of_glb(carry, tmp_path, shape, wrap):
@@ -230,10 +246,7 @@ def test_several_materials_and_colours_of_vertices(carry, tmp_path):
     light[kind == 1] *= [0.2, 0.4, 0.6, 0.8]
     light[kind == -1, 3] = 1
     # on an edge of two triangles the material is that of either
-    a, b, c = (vertices[faces[number]][:, k] for k in range(3))
-    w = [numpy.linalg.norm(numpy.cross(q - p, places - p), axis=1) / numpy.linalg.norm(q - p, axis=1)
-         for p, q in ((a, b), (b, c), (c, a))]
-    sure &= numpy.min(w, 0) > 1e-5
+    sure &= are_off_edges(places, vertices[faces[number]])
     assert sure.sum() > 100 and {-1, 0, 1} == set(kind[sure].tolist())
     assert numpy.abs(color[:, :3] - encoded(light[:, :3]))[sure].max() < 1e-4
     assert numpy.abs(color[:, 3] - light[:, 3])[sure].max() < 1e-5
@@ -305,7 +318,7 @@ def test_ply_of_polygons(carry, tmp_path):
 
 # ---- 3MF
 
-def write_3mf(path, shape, wraps=("wrap", "wrap"), image=None, more="", extra=()):
+def write_3mf(path, shape, wraps=("wrap", "wrap"), image=None, more="", extra=(), of_object=""):
     """A package with an image for all triangles. extra: attributes of further triangles by their number."""
     vertices, faces, uv = shape
     places = "".join('<m:tex2coord u="%.17g" v="%.17g"/>' % tuple(p) for p in uv.reshape(-1, 2))
@@ -315,7 +328,7 @@ def write_3mf(path, shape, wraps=("wrap", "wrap"), image=None, more="", extra=()
         return extra.get(k, f'pid="2" p1="{3 * k}" p2="{3 * k + 1}" p3="{3 * k + 2}"')
     resources = (f'<m:texture2d id="1" path="/3D/Texture/a.png" contenttype="image/png" tilestyleu="{wraps[0]}" '
                  f'tilestylev="{wraps[1]}"/><m:texture2dgroup id="2" texid="1">{places}</m:texture2dgroup>{more}'
-                 f'<object id="7">{textured.part_of_3mf(vertices, faces, named)}</object>')
+                 f'<object id="7" {of_object}>{textured.part_of_3mf(vertices, faces, named)}</object>')
     mesh_files.write_3mf(path, resources, '<item objectid="7"/>',
                          'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"')
     with zipfile.ZipFile(path, "a") as archive:
@@ -351,6 +364,12 @@ def test_outside_of_an_image_that_is_not_repeated(carry, tmp_path):
         assert 50 < outside.sum() < 350 and numpy.abs(color[:, :3] - expected)[sure].max() < 1e-4
 
 
+def are_off_edges(points, corners):
+    """Whether each point lies off the edges of its triangle."""
+    return numpy.min([numpy.linalg.norm(numpy.cross(b - a, points - a), axis=1) / numpy.linalg.norm(b - a, axis=1)
+                      for a, b in ((corners[:, k - 1], corners[:, k]) for k in range(3))], 0) > 1e-5
+
+
 def test_colours_and_materials_of_3mf(carry, tmp_path):
     """A base material, a group of colours with a gradient, and what is not read."""
     vertices, faces, uv = textured.cube()
@@ -368,11 +387,25 @@ def test_colours_and_materials_of_3mf(carry, tmp_path):
     expected[number == 1, :2], expected[number == 1, 2] = gradient[number == 1], 1 - gradient[number == 1].sum(1)
     expected[(number == 2) | (number == 4)] = 1
     expected[number == 3] = [0x33 / 255, 0x66 / 255, 0x99 / 255, 1]
-    a, b, c = (vertices[faces[number]][:, k] for k in range(3))
-    w = [numpy.linalg.norm(numpy.cross(q - p, places - p), axis=1) / numpy.linalg.norm(q - p, axis=1)
-         for p, q in ((a, b), (b, c), (c, a))]
-    sure &= numpy.min(w, 0) > 1e-5
+    sure &= are_off_edges(places, vertices[faces[number]])
     assert numpy.abs(color - expected)[sure].max() < 1e-4
+
+
+def test_a_triangle_of_3mf_can_name_indices_in_the_resource_of_its_object(carry, tmp_path):
+    vertices, faces, uv = textured.cube()
+    faces, uv = textured.triangulate(faces, uv)
+    more = '<m:colorgroup id="4"><m:color color="#FF0000"/><m:color color="#00FF00"/><m:color color="#0000FF"/></m:colorgroup>'
+    extra = {k: 'p1="2"' for k in range(len(faces))}
+    extra |= {0: "", 1: 'p1="1"', 2: 'pid="4"', 3: 'p1="0" p2="1" p3="2"'}
+    places, color, _ = carry(write_3mf(tmp_path / "a.3mf", (vertices, faces, uv), more=more, extra=extra, of_object='pid="4" pindex="1"'))
+    assert color is not None, places
+    number, at, sure = on_triangles(places, vertices, faces, numpy.tile(numpy.eye(3)[None, :, :2], (len(faces), 1, 1)))
+    expected = numpy.tile([0.0, 0, 1, 1], (len(at), 1))
+    expected[number < 3] = [0, 1, 0, 1]
+    gradient = number == 3
+    expected[gradient, :2], expected[gradient, 2] = at[gradient], 1 - at[gradient].sum(1)
+    sure &= are_off_edges(places, vertices[faces[number]])
+    assert gradient.sum() > 5 and numpy.abs(color - expected)[sure].max() < 1e-4
 
 
 def test_multiproperties_have_a_warning(carry, tmp_path):

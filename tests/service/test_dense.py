@@ -587,6 +587,14 @@ def test_the_value_of_the_background_is_no_isovalue(sample, tmp_path, at_the_end
     assert "Choose an isovalue above 0.25 and below 66.9" in told["message"]
 
 
+def test_the_advised_isovalues_do_not_contain_the_refused_one(sample, tmp_path):
+    values = numpy.full(SIZE, 40.25, "f4")  # lower and higher values lie beside the background
+    values[:8], values[-3:] = 0.25, 66.75
+    write_nifti(tmp_path / "a.nii", values)
+    told, _ = sample(tmp_path / "a.nii", 40.25)
+    assert "Choose an isovalue above 40.25 and below 66.75" in told["message"]
+
+
 def test_labels_are_advised_for_a_mask_with_walls_of_a_voxel(sample, tmp_path):
     rough = (ndimage.gaussian_filter(numpy.random.default_rng(4).normal(size=(30, 30, 30)), 1) > 0.25).astype("u1")
     codes = {}

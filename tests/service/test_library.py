@@ -701,3 +701,18 @@ def test_progress_of_a_batch_counts_surfaces_and_cancels():
     made = hexad.sample_many([solid(BALL)] * 2 + [{**ENDLESS, "sampling": {}}] * 3, 300, processors=1, progress=lambda done, _: done == 2)
     assert made.outcomes == ["converged"] * 2 + [None] * 3 and not numpy.isnan(made.positions[:2]).any()
     assert [error.code for error in made.errors[2:]] == ["cancelled"] * 3
+
+
+def test_points_of_an_earlier_result_are_placed_again(worker, tmp_path):
+    """Their report has no ratings."""
+    vertices, triangles = solid(BALL)
+    for name, by in (("first", 1), ("second", 2)):
+        (tmp_path / f"{name}.obj").write_text("".join("v %r %r %r\n" % tuple(v) for v in (by * vertices).tolist()) +
+                                              "".join("f %d %d %d\n" % tuple(t + 1) for t in triangles))
+    spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "first.obj")}}, "sampling": {"count": 300},
+            "attributes": [{"from": "geometry", "name": "source"}]}
+    before = hexad.sample(spec)
+    assert worker({**spec, "output": {"ply": {"precision": "double"}}}).returncode == 0
+    after = hexad.sample({"surface": {"mesh": {"path": str(tmp_path / "second.obj")}}, "sampling": {"attach": str(tmp_path / "out/points.ply")}})
+    assert after.ratings == {} and before.ratings and after.outcome == "converged" and after.outcome_reasons == after.advice == []
+    assert numpy.abs(after.positions - 2 * before.positions).max() < 1e-9

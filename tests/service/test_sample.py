@@ -349,7 +349,7 @@ def test_an_isovalue_makes_the_inspection_of_a_vdb_file_unnecessary(sample, samp
     refused = sample(*words)
     assert alone["code"] == "grid_ambiguous" and refused.returncode not in (0, 10, 11)
     for told in (alone["message"], refused.stderr):
-        assert 'set grid to one of "density" (float), "heat" (float)' in told and "--set /surface/vdb/grid=NAME" in told, told
+        assert 'choose one of "density" (float), "heat" (float)' in told and "--set /surface/vdb/grid=NAME" in told, told
         assert "inspecting" not in told
     for done in (sample(*words, "--set", "/surface/vdb/grid=heat"), sample_alone(*words, "--set", "/surface/vdb/grid=heat", "--output", "alone")):
         assert done.returncode == 0 and "inspecting" not in done.stderr, done.stderr
@@ -364,7 +364,7 @@ def test_a_fault_of_a_sent_file_is_refused_before_the_submission(sample, service
     def is_refused():  # unless the answer takes longer than a submission waits
         before = jobs(service)
         done = sample("smoke.vdb", "--count", 300, "--set", "/surface/vdb/isovalue=0.5")
-        assert done.returncode != 0 and "set grid to one of" in done.stderr, done.stderr
+        assert done.returncode != 0 and "choose one of" in done.stderr, done.stderr
         return jobs(service) == before
     wait_until(is_refused, "a refusal")
 

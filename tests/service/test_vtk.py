@@ -128,7 +128,7 @@ def test_legacy_files_that_are_refused(mesh_reader, tmp_path, fault):
 
 VALUES = b"POINT_DATA 5\nSCALARS s float\nLOOKUP_TABLE default\n0.5 1.5 2 3 4\n"
 METADATA = b"METADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n"
-MISPLACED = {"twice": (b"TRIANGLE_STRIPS 1 4\n3 0 1 2\n", "begins Strips for the second time"), "behind values": (VALUES, "has POLYGONS behind values"),
+MISPLACED = {"twice": (b"TRIANGLE_STRIPS 1 4\n3 0 1 2\n", "begins Strips for the second time"), "behind values": (VALUES, "has POLYGONS after values"),
              "in metadata": (METADATA, "has POLYGONS in METADATA, which an empty line has to end"),
              "behind a byte 0": (b"\0\n", "has a byte 0 in place of a word")}
 
@@ -143,7 +143,10 @@ def test_cells_that_would_be_lost_are_refused(mesh_reader, tmp_path, fault, comm
     assert isinstance(answer, str) and (words in answer or (command, fault) == ("read-mesh-values", "behind values") and '"POLYGONS"' in answer), answer
 
 
-@pytest.mark.parametrize("behind", [VALUES, METADATA, METADATA + b"\n" + VALUES, b"\n\0\0\0"])
+NAMED_LINES = b"CELL_DATA 6\nFIELD FieldData 2\nlines 1 6 float\n0 1 2 3 4 5\npolygons 2 6 int\n0 1 2 3 4 5 6 7 8 9 10 11\n"
+
+
+@pytest.mark.parametrize("behind", [VALUES, METADATA, METADATA + b"\n" + VALUES, b"\n\0\0\0", NAMED_LINES, VALUES + NAMED_LINES])
 def test_what_follows_the_cells_changes_no_triangle(mesh_reader, tmp_path, behind):
     write_legacy(tmp_path / "v.vtk", POINTS, LEGACY_CELLS, behind=behind)
     assert_pyramid((*mesh_reader(tmp_path / "v.vtk")[:2], "", 0))

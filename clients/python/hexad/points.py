@@ -40,7 +40,7 @@ class Columns(Mapping[str, Any]):
 class Points(Columns):
     """The properties of all points by their names (`x`, `nx`, `spacing`, ...), each an array.
 
-    count: how many points there are; len() is the number of properties, as of every mapping
+    count: the number of points; len() returns the number of properties, because this is a mapping
     triangles: of a mesh, three indices for each face; None: there are no faces
     """
 

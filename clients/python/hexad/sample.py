@@ -57,10 +57,11 @@ class Sampled(Points):
     outcome: converged, unresolved or not_converged
     outcome_reasons: the criteria of the outcome that failed: `criterion`, `value`, `bound` and `message` of each
     advice: changes to the spec: `code`, `message` and `set` of each
-    ratings: how regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None
+    ratings: how regular the packing is: of each measure its `value` and its `rating`, `good`, `fair`, `poor` or None;
+        empty if the points of an earlier result were placed again
     warnings: what hexad repaired, assumed or could not resolve
 
-    count: the number of points; len() is the number of properties, as of every mapping
+    count: the number of points; len() returns the number of properties, because this is a mapping
     """
 
     def __init__(self, arrays: dict[str, Any], report: dict[str, Any]) -> None:
@@ -86,7 +87,7 @@ class Sampled(Points):
 
     @property
     def ratings(self) -> dict[str, dict[str, Any]]:
-        found: dict[str, dict[str, Any]] = self.report["ratings"]
+        found: dict[str, dict[str, Any]] = self.report.get("ratings", {})
         return found
 
     @property
@@ -326,8 +327,8 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     properties: output.ply.properties of the spec: the names of the properties that the points have (default: all). "minimal": positions
         and normals. Without `kappa` the curvature of a mesh is not computed, which saves time
     directory, roots: where files are, and below which directories they must be; for a spec
-    progress: a function of the phase (load, start, relax, measure, curvature, write) and the fraction of the whole call, 0 to 1, which
-        never falls; if its result is true, the call is cancelled
+    progress: a function of the phase (load, start, relax, measure, curvature, weights, write) and the fraction of the whole call, 0 to 1,
+        which never falls; if its result is true, the call is cancelled
     count: the number of points
     keywords: further members of `sampling` (spacing, curvature, pattern, points, ...) and of the surface (isovalue, features, ...)
 

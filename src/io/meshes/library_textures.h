@@ -10,8 +10,8 @@
 
 #include "io/meshes/plain_mesh.h"
 
-/* Adds the materials of the scene, which is that of the file `data`, to m->textures, and what each polygon has of them, in the order in which mesh_reader
- * writes the polygons. Returns false if *m is refused. */
+/* Adds the materials of the scene, which is that of the file `data`, to m->textures. Adds what each polygon has of
+ * them, in the order in which mesh_reader writes the polygons. Returns false if *m is refused. */
 bool library_textures_read(const struct aiScene *scene, const char *data, size_t size, plain_mesh *m);
 
 #endif

@@ -142,19 +142,13 @@ static bool read_polygons(reader *r, const mesh *m, size_t limit, mesh_polygons 
 
 /* ---- textures */
 
-static void blank_name(char *name)
-{
-    for (char *c = name; *c; c++) /* the name comes from the file */
-        if ((unsigned char)*c < ' ' || *c == 127) *c = '?';
-}
-
 static bool check_material(mesh_material *m, const mesh_textures *t, error *e)
 {
     double sum = 0;
     if (!memchr(m->name, 0, sizeof m->name) || m->wrap[0] >= MESH_WRAPS || m->wrap[1] >= MESH_WRAPS ||
         (m->image != MESH_TEXTURES_NONE && m->image >= t->images))
         return reader_invalid(e);
-    blank_name(m->name);
+    reader_blank(m->name, "");
     for (int k = 0; k < 4; k++) sum += m->factor[k];
     for (int k = 0; k < 6; k++) sum += m->transform[k / 3][k % 3];
     return isfinite(sum) ||
@@ -168,7 +162,7 @@ static bool read_images(reader *r, size_t limit, mesh_textures *t, error *e)
     if (!reader_get(r, t->image, sizeof *t->image, t->images, e)) return false;
     for (size_t k = 0; k < t->images; k++) {
         if (!memchr(t->image[k].name, 0, sizeof t->image[k].name)) return reader_invalid(e);
-        blank_name(t->image[k].name);
+        reader_blank(t->image[k].name, "");
     }
     for (size_t k = 0; k < t->images; k++) {
         const uint64_t bytes = t->image[k].bytes;
@@ -225,7 +219,7 @@ bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, s
         if (!check_material(&out->material[k], out, e)) return false;
     for (size_t k = 0; k < out->libraries; k++) {
         if (!memchr(out->library[k], 0, sizeof out->library[k])) return reader_invalid(e);
-        blank_name(out->library[k]);
+        reader_blank(out->library[k], "");
     }
     if (!memchr(h.warnings, 0, sizeof h.warnings)) return reader_invalid(e);
     reader_blank(h.warnings, "\n");
@@ -239,6 +233,23 @@ void mesh_polygons_free(mesh_polygons *polygons)
     free(polygons->first);
     free(polygons->corner);
     *polygons = (mesh_polygons){0};
+}
+
+uint32_t *mesh_polygons_of_triangles(const mesh_polygons *p, size_t triangles, error *e)
+{
+    uint32_t *polygon = mem_array(triangles, sizeof *polygon, "the polygons of the triangles", e),
+             *next = polygon;
+    for (size_t k = 0; polygon && k < p->count; k++)
+        for (uint32_t n = 2; n < p->size[k]; n++) *next++ = (uint32_t)k;
+    return polygon;
+}
+
+uint32_t mesh_polygons_find_corner(const mesh_polygons *p, uint32_t polygon, uint32_t vertex)
+{
+    const uint32_t *corner = p->corner + p->first[polygon];
+    uint32_t k = 0;
+    while (k + 1 < p->size[polygon] && corner[k] != vertex) k++;
+    return k;
 }
 
 void mesh_values_free(mesh_values *values)

@@ -66,6 +66,12 @@ typedef struct mesh_polygons {
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e);
 void mesh_polygons_free(mesh_polygons *polygons); /* accepts a zeroed object */
 
+/* The polygon of each triangle of the mesh. The caller frees the array. NULL: limit_memory. */
+uint32_t *mesh_polygons_of_triangles(const mesh_polygons *p, size_t triangles, error *e);
+
+/* The first corner of a polygon that has the vertex, counted from its first one. A vertex may occur twice. */
+uint32_t mesh_polygons_find_corner(const mesh_polygons *p, uint32_t polygon, uint32_t vertex);
+
 /* Reads the mesh without repair, with its polygons and their textures. Libraries and images that are files are
  * named, not read. Errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
  * COLLADA. Free *out, *polygons and *textures after success. */
@@ -84,9 +90,10 @@ bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, err
 bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *count, error *e);
 
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives
- * the header of the answer. *notes receives its warnings. `values`, `polygons`, `textures`: NULL if the answer has none;
- * otherwise zeroed before the call, and to be freed with mesh_values_free, mesh_polygons_free and
- * mesh_textures_free, also after failure. With textures there are polygons. *out is unchanged on failure. Errors: as mesh_file_read. */
+ * the header of the answer. *notes receives its warnings. `values`, `polygons`, `textures`: NULL if the answer
+ * has none; otherwise zeroed before the call, and to be freed with mesh_values_free, mesh_polygons_free and
+ * mesh_textures_free, also after failure. With textures there are polygons. *out is unchanged on failure.
+ * Errors: as mesh_file_read. */
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e);
 

@@ -49,9 +49,10 @@ typedef struct name_table {
 } name_table;
 
 /* What the attributes pid and p1, p2, p3 of a triangle, or pid and pindex of an object, name: a resource of the part
- * and indices in it. */
+ * and indices in it. A triangle without one of the two has that of its object. */
 typedef struct property {
     char *resource; /* owned; NULL: none */
+    bool has_index; /* otherwise the indices are 0 */
     uint32_t index[3];
 } property;
 
@@ -280,7 +281,8 @@ static bool add_property(package *p, list *to, const char **attributes, const ch
     if (!p->out->textures) return true;
     property *new = append(p, to, sizeof *new);
     if (!new) return false;
-    *new = (property){.resource = id ? strdup(id) : NULL};
+    *new = (property){.resource = id ? strdup(id) : NULL,
+                      .has_index = xml_attribute(attributes, index[0]) != NULL};
     if (id && !new->resource) return plain_mesh_refuse_memory(p->out);
     for (int k = 0; k < 3; k++)
         if (!xml_attribute(attributes, index[k]))
@@ -404,19 +406,21 @@ static bool begin_resource(package *p, const char *name, const char **attributes
 /* Adds the material, coordinates and colours of triangle t, which belongs to an object. */
 static bool add_triangle_textures(package *p, const object *o, size_t number, size_t t)
 {
-    const property *named_by = &((property *)p->properties.items)[t];
-    if (!named_by->resource) named_by = &((property *)p->defaults.items)[number];
-    const named *found = find_name(&p->resource_names, o->part, named_by->resource);
+    const property *own = &((property *)p->properties.items)[t],
+                   *of_object = &((property *)p->defaults.items)[number];
+    const char *name = own->resource ? own->resource : of_object->resource;
+    const uint32_t *index = own->has_index ? own->index : of_object->index;
+    const named *found = find_name(&p->resource_names, o->part, name);
     const resource *r = found ? &((resource *)p->resources.items)[found->number] : NULL;
-    p->others += named_by->resource && !r;
+    p->others += name && !r;
     double uv[3][2];
     float color[3][4];
     for (int k = 0; k < 3; k++) {
         const double *row = NULL;
         if (r) {
-            if (named_by->index[k] >= r->row[1] - r->row[0])
+            if (index[k] >= r->row[1] - r->row[0])
                 return damaged(p, "a triangle names a colour or a texture coordinate that is missing");
-            row = ((double(*)[4])p->rows.items)[r->row[0] + named_by->index[k]];
+            row = ((double(*)[4])p->rows.items)[r->row[0] + index[k]];
         }
         for (int c = 0; c < 2; c++) uv[k][c] = row && r->kind == OF_COORDINATES ? row[c] : (double)NAN;
         for (int c = 0; c < 4; c++) color[k][c] = row && r->kind == OF_COLORS ? (float)row[c] : 1;

@@ -130,8 +130,8 @@ static bool refuse(const off *o, const char *data, const char *what, long long n
     snprintf(text, sizeof text, number < 0 ? "the %s of the OFF file" : "%s %lld of the OFF file", what,
              number);
     out->is_binary = o->is_binary;
-    return plain_mesh_refuse_at(out, data, o->at, "(%s) is damaged, or is not what the header declares",
-                                text);
+    return plain_mesh_refuse_at(out, data, o->at,
+                                "(%s) is damaged, or is not what the header declares. Save it again.", text);
 }
 
 bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)

@@ -54,17 +54,28 @@ static bool read_word(vtk *v, char word[WORD_SIZE])
 /* Words that begin the cells of each kind. */
 static const char *const cell_words[VTK_CELLS_KINDS] = {"VERTICES", "LINES", "TRIANGLE_STRIPS", "POLYGONS"};
 
+/* Whether a line is the first one of cells: the word and two whole numbers. Arrays can have the word as their name. */
+static bool begins_cells(const char *line, const char *word)
+{
+    const char *at = line + strlen(word);
+    if (strncasecmp(line, word, strlen(word)) != 0) return false;
+    for (int k = 0; k < 2; k++) {
+        const size_t blanks = strspn(at, " \t"), digits = strspn(at + blanks, "0123456789");
+        if (blanks == 0 || digits == 0) return false;
+        at += blanks + digits;
+    }
+    return at[strspn(at, " \t\r")] == '\n';
+}
+
 /* Refuses cells in a part of the file that is not read. `where`: the end of the message. */
 static bool check_skipped(vtk *v, const char *begin, const char *end, const char *where)
 {
     for (const char *at = begin; (at = memchr(at, '\n', (size_t)(end - at))); at++)
-        for (int k = 0; k < VTK_CELLS_KINDS; k++) {
-            const size_t length = strlen(cell_words[k]);
-            if (strncasecmp(at + 1, cell_words[k], length) == 0 && strchr(" \t", at[length + 1])) {
+        for (int k = 0; k < VTK_CELLS_KINDS; k++)
+            if (begins_cells(at + 1, cell_words[k])) {
                 v->at = at + 1;
                 return refuse(v, "has %s %s", cell_words[k], where);
             }
-        }
     return true;
 }
 
@@ -497,7 +508,7 @@ static bool read_sections(vtk *v)
         if (strcasecmp(word, "POINT_DATA") == 0 || strcasecmp(word, "CELL_DATA") == 0)
             return v->out->keeps_values
                        ? read_values(v, word)
-                       : check_skipped(v, v->at, v->end, "behind values: write it before them");
+                       : check_skipped(v, v->at, v->end, "after values: write it before them");
         if ((is_known = strcasecmp(word, "POINTS") == 0))
             ok = read_points(v);
         else if ((is_known = strcasecmp(word, "FIELD") == 0))

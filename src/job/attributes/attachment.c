@@ -82,24 +82,6 @@ static attachment_topology topology_of(const polygon_mesh *p)
 
 /* ---- places ---- */
 
-/* The polygon of each triangle; the caller frees the array. NULL: limit_memory. */
-static uint32_t *faces_of_triangles(const polygon_mesh *p, error *e)
-{
-    uint32_t *face = mem_array(p->m.triangle_count, sizeof *face, what, e), *next = face;
-    for (size_t k = 0; face && k < p->polygons.count; k++)
-        for (uint32_t n = 2; n < p->polygons.size[k]; n++) *next++ = (uint32_t)k;
-    return face;
-}
-
-/* The index of the first corner of a polygon that has the vertex; a vertex may occur twice. */
-static uint32_t corner_at(const mesh_polygons *p, uint32_t face, uint32_t vertex)
-{
-    const uint32_t *corner = p->corner + p->first[face];
-    uint32_t k = 0;
-    while (k + 1 < p->size[face] && corner[k] != vertex) k++;
-    return k;
-}
-
 /* Sorts the corners: the lowest one first, then counter-clockwise seen from the side of the normal. */
 static void put_in_order(vec3 of_triangle, vec3 normal, uint32_t corner[3], double weight[3])
 {
@@ -137,7 +119,8 @@ static bool begin_search(const attachment_file *file, size_t memory_limit, searc
     if (!read_mesh(file, memory_limit, &s->p, e)) return false;
     s->origin = mesh_box(&s->p.m, NULL).min;
     for (size_t k = 0; k < s->p.m.vertex_count; k++) s->p.m.vertex[k] = vec3_sub(s->p.m.vertex[k], s->origin);
-    return (s->face = faces_of_triangles(&s->p, e)) && (s->tree = triangle_tree_new(&s->p.m, e));
+    return (s->face = mesh_polygons_of_triangles(&s->p.polygons, s->p.m.triangle_count, e)) &&
+           (s->tree = triangle_tree_new(&s->p.m, e));
 }
 
 static void store_place(double *const values[ATTACHMENT_ARRAYS], size_t i, size_t file, uint32_t face,
@@ -160,7 +143,7 @@ static void find_place(const search *s, size_t file, vec3 position, vec3 normal,
     if (values[ATTACHMENT_MESH][i] >= 0 && !(p.distance < *distance)) return;
     const uint32_t *t = s->p.m.triangle[p.triangle], face = s->face[p.triangle];
     uint32_t corner[3];
-    for (int k = 0; k < 3; k++) corner[k] = corner_at(&s->p.polygons, face, t[k]);
+    for (int k = 0; k < 3; k++) corner[k] = mesh_polygons_find_corner(&s->p.polygons, face, t[k]);
     put_in_order(mesh_place_normal(&s->p.m, &p), normal, corner, p.weight);
     store_place(values, i, file, face, corner, p.weight);
     *distance = p.distance;
@@ -297,7 +280,7 @@ static bool find_orientations(frame *f, const mesh *welded, error *e)
     const size_t polygons = f->p.polygons.count;
     mesh_edges edges = {0};
     orientation o = {0};
-    uint32_t *face = faces_of_triangles(&f->p, e);
+    uint32_t *face = mesh_polygons_of_triangles(&f->p.polygons, f->p.m.triangle_count, e);
     f->set = mem_array(polygons, sizeof *f->set, what, e);
     f->turned = mem_array(polygons, sizeof *f->turned, what, e);
     f->one_sided = mem_array(polygons, sizeof *f->one_sided, what, e);

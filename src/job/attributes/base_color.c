@@ -25,6 +25,7 @@ typedef struct textured_mesh {
     mesh_textures textures;
     dense_warnings warnings;
     size_t unlisted; /* number of warnings for which `warnings` has no room */
+    size_t places;   /* bytes of the places of the points */
 } textured_mesh;
 
 static void free_mesh(textured_mesh *t)
@@ -206,6 +207,21 @@ static bool read_mesh(const attribute_request *request, textured_mesh *t, error 
 
 /* ---- images */
 
+/* Bytes that are held while an image is decoded. */
+static size_t held_bytes(const textured_mesh *t)
+{
+    const mesh_textures *all = &t->textures;
+    const size_t of_corner =
+                     sizeof *t->polygons.corner + sizeof *all->uv + (all->color ? sizeof *all->color : 0),
+                 of_polygon =
+                     sizeof *t->polygons.size + sizeof *t->polygons.first + sizeof *all->polygon_material;
+    size_t bytes = t->m.vertex_count * sizeof *t->m.vertex + t->m.triangle_count * sizeof *t->m.triangle +
+                   t->polygons.count * of_polygon + t->polygons.corners * of_corner +
+                   all->materials * sizeof *all->material + all->images * sizeof *all->image + t->places;
+    for (size_t k = 0; k < all->images; k++) bytes += all->image[k].bytes;
+    return bytes;
+}
+
 static bool is_used(const mesh_textures *t, uint32_t image)
 {
     for (size_t k = 0; k < t->materials; k++)
@@ -225,12 +241,20 @@ static bool open_image(const attribute_request *request, uint32_t image, texture
                        bool *is_there, error *e)
 {
     const mesh_image *head = &t->textures.image[image];
+    const size_t held = held_bytes(t);
     error fault = {0};
-    *out = (image_file){.fd = -1,
-                        .data = t->textures.data[image],
-                        .size = head->bytes,
-                        .name = head->name,
-                        .limits = {request->image_pixels, request->image_scans, request->memory_limit}};
+    if (held >= request->memory_limit)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the mesh and its %zu images require %zu MiB, which leaves no memory for the pixels of an image: raise "
+            "limits.memory_mb",
+            t->textures.images, held >> 20);
+    *out =
+        (image_file){.fd = -1,
+                     .data = t->textures.data[image],
+                     .size = head->bytes,
+                     .name = head->name,
+                     .limits = {request->image_pixels, request->image_scans, request->memory_limit - held}};
     *is_there = true;
     if (head->bytes > 0) return true;
     *is_there = false;
@@ -292,23 +316,6 @@ typedef struct place {
     uint32_t material;
 } place;
 
-/* The polygon of each triangle. The caller frees the array. */
-static uint32_t *polygons_of_triangles(const textured_mesh *t, error *e)
-{
-    uint32_t *polygon = mem_array(t->m.triangle_count, sizeof *polygon, what, e), *next = polygon;
-    for (size_t k = 0; polygon && k < t->polygons.count; k++)
-        for (uint32_t n = 2; n < t->polygons.size[k]; n++) *next++ = (uint32_t)k;
-    return polygon;
-}
-
-/* The index, among the corners of all polygons, of the first corner of a polygon that has the vertex. */
-static size_t corner_at(const mesh_polygons *p, uint32_t polygon, uint32_t vertex)
-{
-    size_t k = p->first[polygon];
-    while (k + 1 < p->first[polygon + 1] && p->corner[k] != vertex) k++;
-    return k;
-}
-
 /* Sets the place of a point and the product of the factor and the colours of the vertices. */
 static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corner[3], const double weight[3],
                    place *out, double color[4])
@@ -319,7 +326,8 @@ static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corn
     out->material = all->polygon_material[polygon];
     const mesh_material *m = out->material == MESH_TEXTURES_NONE ? &white : &all->material[out->material];
     for (int k = 0; k < 3; k++) {
-        const size_t at = corner_at(&t->polygons, polygon, corner[k]);
+        const size_t at =
+            t->polygons.first[polygon] + mesh_polygons_find_corner(&t->polygons, polygon, corner[k]);
         for (int c = 0; c < 2; c++) uv[c] += weight[k] * all->uv[at][c];
         for (int c = 0; all->color && c < 4; c++) tint[c] += weight[k] * (double)all->color[at][c];
     }
@@ -332,7 +340,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
                           const vec3 *position, place *places, double *values, error *e)
 {
     double to_file[3][4];
-    uint32_t *polygon = polygons_of_triangles(t, e);
+    uint32_t *polygon = mesh_polygons_of_triangles(&t->polygons, t->m.triangle_count, e);
     triangle_tree *tree = polygon ? triangle_tree_new(&t->m, e) : NULL;
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; tree && i < count; i++) {
@@ -401,7 +409,7 @@ static bool finish(const textured_mesh *t, const place *p, double color[4])
 bool base_color_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                      attribute_counts *counts, error *e)
 {
-    textured_mesh t = {0};
+    textured_mesh t = {.places = count * sizeof(place)};
     place *places = mem_array(count, sizeof *places, what, e);
     bool ok =
         places && read_mesh(request, &t, e) && locate_points(request, &t, count, position, places, values, e);

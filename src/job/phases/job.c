@@ -127,6 +127,12 @@ static bool check_label_meshes(const job *j, error *e)
                      count, LABEL_MESHES_MOST);
 }
 
+/* Bytes that attributes may take beside `count` particles. */
+static size_t attribute_memory(const job *j, double count)
+{
+    return (size_t)fmax(job_particle_memory(j) - plan_bytes(j->spec, job_particles(j), count), 1);
+}
+
 static size_t memory_left(const job *j)
 {
     return mem_left(j->memory, source_memory(&j->source));
@@ -153,7 +159,7 @@ bool job_load(job *j, error *e)
                           &(source_memory_limits){j->memory, run_options_most_memory(j->options)}, j->isa,
                           j->pool, &j->source, e) &&
               check_label_meshes(j, e) && given_points_read(s, &j->source, memory_left(j), &j->given, e) &&
-              attributes_find(s, &j->source, j->memory, &j->attributes, e);
+              attributes_find(s, &j->source, attribute_memory(j, (double)s->count), &j->attributes, e);
     /* readers run one after another */
     if (!j->options->is_hosted) j->load_peak = own_peak() + peak_of(RUSAGE_CHILDREN);
     return ok;
@@ -805,10 +811,10 @@ bool job_write_points(job *j, error *e)
     j->attributes.weight = j->weights.value;
     json_free(j->report);
     j->report = json_new_object();
-    double left = job_particle_memory(j) - plan_bytes(j->spec, job_particles(j), (double)p->count);
+    const size_t left = attribute_memory(j, (double)p->count);
     set_curvature(j, p, &set);
     j->attributes.curvature = s->on_meshes;
-    bool ok = attributes_read(&j->attributes, &j->source, p, (size_t)fmax(left, 1), &set, e) &&
+    bool ok = attributes_read(&j->attributes, &j->source, p, left, &set, e) &&
               point_order_find(j->spec, &set, p, &s->order_known, labels, &j->given, &j->avoided, j->pool,
                                &order, e) &&
               point_order_apply(&order, &set, &j->attributes, e) && job_may_continue(j, e);

@@ -267,8 +267,18 @@ static volume_reconstruction reconstruction_of(spec_reconstruction how)
     return how == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING;
 }
 
-static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening *o, error *e)
+/* Adds to an error of a file with several grids which member chooses one. */
+static void name_member(const spec_surface *s, error *e)
 {
+    if (s->vdb.grid || !e || e->code != ERROR_GRID_AMBIGUOUS) return;
+    const size_t length = strlen(e->message), parent = strlen(s->input_pointer) - strlen("path");
+    snprintf(e->message + length, sizeof e->message - length, ". For a command, add --set %.*sgrid=NAME",
+             (int)parent, s->input_pointer);
+}
+
+static volume *open_grid(const spec_surface *s, double offset, int fd, const opening *o, error *e)
+{
+    const spec_vdb *v = &s->vdb;
     const volume_request request = {
         .fd = fd,
         .path = v->path,
@@ -282,7 +292,9 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
         .pool = o->pool,
         .isa = o->kernels,
     };
-    return volume_open(&request, e);
+    volume *opened = volume_open(&request, e);
+    if (!opened) name_member(s, e);
+    return opened;
 }
 
 /* Whether the sampled space may have another origin than the world: the mesh is the whole surface, and the
@@ -529,7 +541,7 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
         else if (s->kind == SPEC_SURFACE_MESH)
             open_mesh(&s->mesh, offset, fd, NULL, o, out, e);
         else
-            out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(&s->vdb, offset, fd, o, e)
+            out->volume = s->kind == SPEC_SURFACE_VDB ? open_grid(s, offset, fd, o, e)
                                                       : open_stored(&s->volume, &s->exr, fd, tree, o, e);
         if (fd >= 0) close(fd);
     }

@@ -69,10 +69,8 @@ static bool only_scalar(const vdb_listing *l, size_t *index, error *e)
     if (scalars == 0)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "the file has no scalar grid (float or double); it has %s: give another file", list);
-    return error_set(e, ERROR_GRID_AMBIGUOUS,
-                     "the file has %zu scalar grids: set grid to one of %s. For a command, add --set "
-                     "/surface/vdb/grid=NAME",
-                     scalars, list);
+    return error_set(e, ERROR_GRID_AMBIGUOUS, "the file has %zu scalar grids: choose one of %s", scalars,
+                     list);
 }
 
 static bool by_name(const vdb_listing *l, const char *request, size_t *index, error *e)

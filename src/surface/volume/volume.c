@@ -222,17 +222,17 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
     const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings, l->pool);
     if ((double)flat < plateau_from * (double)cells) return true;
     char other[128];
+    const double isovalue = v->info.isovalue;
     if (has_whole_values(l, v))
-        snprintf(other, sizeof other, "Try %g, or one that hexadctl inspect FILE suggests",
-                 v->info.isovalue + 0.5);
+        snprintf(other, sizeof other, "Try %g, or one that hexadctl inspect FILE suggests", isovalue + 0.5);
     else
         snprintf(other, sizeof other, "Choose an isovalue above %g and below %g",
-                 v->info.isovalue > l->lowest ? l->lowest : v->info.isovalue, l->highest);
+                 isovalue < l->highest ? isovalue : l->lowest, isovalue < l->highest ? l->highest : isovalue);
     return error_set(
         e, ERROR_NO_SURFACE,
         "%s has no surface at isovalue %g: in %.3g %% of the cells there, the values reach it without "
         "a sign change, as where the background has this value. %s",
-        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, other);
+        l->name, isovalue, 100 * (double)flat / (double)cells, other);
 }
 
 /* Half-width of a narrow band beside its isovalue that is sufficient for the cells on the surface. */
