@@ -379,8 +379,18 @@ def test_archives_with_two_arrays_of_points_are_refused(refuse, tmp_path, names,
     assert error["code"] == code and words in error["message"], error
 
 
+def test_names_of_arrays_are_case_sensitive(run, tmp_path):
+    given = on_sphere(250)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name, array in (("Position", GOOD), ("POINTS", GOOD), ("points", given), ("Points", GOOD)):
+            archive.writestr(f"{name}.npy", npy(array))
+    report, columns = run(job(1000, tmp_path / "a.npz", "keep"))
+    assert stack(columns, *"xyz")[:250].tobytes() == given.tobytes() and report["points"]["count"] == 250
+
+
 @pytest.mark.sanitized
 @pytest.mark.parametrize("name, data, code, words", [
+    ("Position.npy", npy(GOOD), "input_unsupported", '"position" or "points"'),
     ("positions.npy", npy(GOOD), "input_unsupported", '"position" or "points"'),
     ("position.npy", npy(GOOD)[:-1], "input_damaged", "as many bytes"),
     ("position.npy", npy(GOOD) + b"\0", "input_damaged", "as many bytes"),

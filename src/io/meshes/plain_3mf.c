@@ -102,7 +102,7 @@ static bool damaged(package *p, const char *what)
 
 static bool read_bytes(package *p, const char *path, char **out, size_t *length)
 {
-    switch (zip_entry_read(p->archive, p->size, path + (*path == '/'), out, length)) {
+    switch (zip_entry_read(p->archive, p->size, path + (*path == '/'), ZIP_NAMES_ANY_CASE, out, length)) {
     case ZIP_ENTRY_READ:
         return true;
     case ZIP_ENTRY_MISSING:

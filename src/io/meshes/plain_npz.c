@@ -120,7 +120,7 @@ bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out)
         char entry[16], *file;
         size_t length;
         snprintf(entry, sizeof entry, "%s.npy", names[k]);
-        const zip_result found = zip_entry_read(data, size, entry, &file, &length);
+        const zip_result found = zip_entry_read(data, size, entry, ZIP_NAMES_EXACT, &file, &length);
         if (found == ZIP_ENTRY_MISSING) continue;
         if (found == ZIP_ENTRY_NO_MEMORY) return plain_mesh_refuse_memory(out);
         if (found == ZIP_ENTRY_TWICE) return damaged(out, names[k], "is there twice");

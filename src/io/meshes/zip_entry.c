@@ -87,18 +87,19 @@ static zip_result unpack(unzFile archive, char **out, size_t *length)
 }
 
 /* Whether an entry behind the current one has the name. */
-static bool is_there_again(unzFile archive, const char *name)
+static bool is_there_again(unzFile archive, const char *name, zip_names names)
 {
     enum { NAME_SIZE = 4096 };
     char other[NAME_SIZE] = ""; /* the library does not end a name that is cut */
     while (unzGoToNextFile(archive) == UNZ_OK)
         if (unzGetCurrentFileInfo64(archive, NULL, other, sizeof other - 1, NULL, 0, NULL, 0) == UNZ_OK &&
-            unzStringFileNameCompare(name, other, 2) == 0)
+            unzStringFileNameCompare(name, other, names) == 0)
             return true;
     return false;
 }
 
-zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length)
+zip_result zip_entry_read(const char *archive, size_t size, const char *name, zip_names names, char **out,
+                          size_t *length)
 {
     memory m = {archive, size, 0};
     zlib_filefunc64_def functions = {open_memory, read_memory,  write_nothing, tell_memory,
@@ -106,11 +107,11 @@ zip_result zip_entry_read(const char *archive, size_t size, const char *name, ch
     unzFile opened = unzOpen2_64("archive", &functions);
     zip_result result = ZIP_ENTRY_DAMAGED;
     if (!opened) return result;
-    if (unzLocateFile(opened, name, 2) != UNZ_OK) /* 2: not case-sensitive */
+    if (unzLocateFile(opened, name, names) != UNZ_OK)
         result = ZIP_ENTRY_MISSING;
     else if (unzOpenCurrentFile(opened) == UNZ_OK)
         result = unpack(opened, out, length);
-    if (result == ZIP_ENTRY_READ && is_there_again(opened, name)) {
+    if (result == ZIP_ENTRY_READ && is_there_again(opened, name, names)) {
         free(*out);
         result = ZIP_ENTRY_TWICE;
     }

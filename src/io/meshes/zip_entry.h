@@ -15,8 +15,12 @@ typedef enum zip_result {
     ZIP_ENTRY_NO_MEMORY
 } zip_result;
 
-/* Unpacks the entry of this name, which is compared without regard to case, to *out; a byte 0 follows
- * its *length bytes. The caller frees *out after ZIP_ENTRY_READ. */
-zip_result zip_entry_read(const char *archive, size_t size, const char *name, char **out, size_t *length);
+/* How names are compared. The values are those of minizip. */
+typedef enum zip_names { ZIP_NAMES_EXACT = 1, ZIP_NAMES_ANY_CASE = 2 } zip_names;
+
+/* Unpacks the entry of this name to *out; a byte 0 follows its *length bytes. The caller frees *out after
+ * ZIP_ENTRY_READ. */
+zip_result zip_entry_read(const char *archive, size_t size, const char *name, zip_names names, char **out,
+                          size_t *length);
 
 #endif
