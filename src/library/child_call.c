@@ -287,10 +287,12 @@ static bool check_files(const spec *s, error *e)
 {
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++)
-        if (*input.path == '/' && !frames_is_pattern(input.path) && access(input.path, R_OK) != 0)
-            return error_set(e, ERROR_INPUT_MISSING,
-                             "cannot read %.700s: %s; put the file there, or correct the path", input.path,
-                             strerror(errno));
+        if (*input.path == '/' && !frames_is_pattern(input.path) && access(input.path, R_OK) != 0) {
+            error_set(e, ERROR_INPUT_MISSING,
+                      "cannot read %.700s: %s; put the file there, or correct the path", input.path,
+                      strerror(errno));
+            return error_prefix(e, "%s", input.pointer);
+        }
     return true;
 }
 

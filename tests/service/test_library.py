@@ -531,7 +531,9 @@ def test_points_outlive_the_call():
     (lambda: hexad.sample({**formula()}, count=10), "count"),
     (lambda: hexad.sample(BALL.vertices, count=10), "is no surface"),
     (lambda: hexad.sample(*solid(BALL), count=10, points={"path": ON_BALL, "mode": "keep"}), "points: 18 points are given, and the count"),
-    (lambda: hexad.sample("/none/ball.obj", count=10), "cannot read /none/ball.obj: No such file"),
+    (lambda: hexad.sample("/none/ball.obj", count=10), "/surface/mesh/path: cannot read /none/ball.obj: No such file"),
+    (lambda: hexad.sample({**formula(), "region": {"inside": {"union": [{"analytic": TORUS}, {"mesh": {"path": "/none/ball.obj"}}]}}}), "/region/inside/union/1/mesh/path: cannot"),
+    (lambda: hexad.sample({**formula(), "attributes": [{"from": "/none/a.vdb", "name": "heat"}]}), "/attributes/0/from: cannot read /none/a.vdb"),
     (lambda: hexad.sample(BALL.vertices.astype(object).astype(str), BALL.triangles, count=10), "not a number"),
 ])
 def test_calls_that_are_wrong(call, words):
