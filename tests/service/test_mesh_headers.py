@@ -452,7 +452,7 @@ def test_blanks_may_follow_the_mark_that_continues_a_line(look, tmp_path, r, mar
     assert_box(look(tmp_path / "box.obj"), corners)
 
 
-@pytest.mark.parametrize("vertex, note", [("{} 0,5", "8 vertices have a word that is not a number behind their coordinates"), ("{} 0.5 0.5 -1.#IND", "8 vertices have a word"),
+@pytest.mark.parametrize("vertex, note", [("{} 0,5", "8 vertices: a word after x y z is not a number; the rest of the line is skipped"), ("{} 0.5 0.5 -1.#IND", "8 vertices: a word after"),
                                           ("{}\nf # none", "8 faces have no corners"), ("{}\nf", "8 faces have no corners")])
 def test_rows_of_an_obj_that_are_skipped_are_named(look, tmp_path, r, vertex, note):
     corners = write.box(r)

@@ -157,7 +157,7 @@ def test_a_number_of_a_map_in_another_file_is_read_to_its_end(sample, tmp_path, 
     (tmp_path / name).write_text("\n".join(rows) + "\n")
     told, report = sample(TORUS, {"path": name, "name": "color", "component": 1}, 100)
     if name == "map.obj" and at == 5:
-        assert "/sampling/grid: 1 vertices have a word that is not a number behind their coordinates: the rest of the line is skipped" in report["surface"]["warnings"]
+        assert "/sampling/grid: 1 vertices: a word after x y z is not a number; the rest of the line is skipped" in report["surface"]["warnings"]
     else:
         assert report is None and told["code"] == "input_damaged" and f"{name}: line {head + 8} of the " in told["message"], told
 

@@ -351,7 +351,7 @@ static void ways_to_write_a_triangle_are_read(void **state)
         {"obj", "\xEF\xBB\xBF" CORNERS "f 1 2 3\n", ""},
         {"obj", "v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r", ""},
         {"obj", "v 0 0 0\nv 1 0 0 -1.#IND 0 0\nv 0 1 0\n\ff\t1 2 3\n",
-         "1 vertices have a word that is not a number"},
+         "1 vertices: a word after x y z is not a number"},
         {"obj", CORNERS "f 1 2 3\n7 8 9\n", "lines that begin with 7 are not known"},
         {"stl", "\xEF\xBB\xBFsolid\n" FACET "endsolid\n", ""},
         {"ply",

@@ -124,7 +124,7 @@ static void a_suggested_assignment_names_no_member_of_an_array(void **state)
 {
     (void)state;
     static const struct {
-        const char *assignment, *told;
+        const char *assignment, *words;
     } rows[] = {
         {"name=foo", "--set name=foo: must be /MEMBER=VALUE, such as /name=foo or "
                      "/sampling/grid/name=foo"},
@@ -135,7 +135,7 @@ static void a_suggested_assignment_names_no_member_of_an_array(void **state)
         error e = {0};
         json *document = json_new_object();
         assert_false(sample_spec_set(document, rows[i].assignment, &e));
-        assert_string_equal(e.message, rows[i].told);
+        assert_string_equal(e.message, rows[i].words);
         json_free(document);
     }
 }
@@ -182,7 +182,7 @@ static void a_vdb_file_without_a_surface_is_explained_by_its_grids(void **state)
 {
     (void)state;
     static const struct {
-        const char *grids, *told;
+        const char *grids, *words;
     } rows[] = {
         {"", "the file has no grid"},
         {"{\"name\":\"d\",\"type\":\"float\",\"scalar\":true,\"active_voxels\":0},"
@@ -204,7 +204,7 @@ static void a_vdb_file_without_a_surface_is_explained_by_its_grids(void **state)
         snprintf(inspection, sizeof inspection, "{\"suggestions\":[],\"grids\":[%s]}", rows[i].grids);
         assert_null(make(inspection, "b.vdb", &none, &e));
         assert_int_equal(e.code, ERROR_NO_SURFACE);
-        assert_non_null(strstr(e.message, rows[i].told));
+        assert_non_null(strstr(e.message, rows[i].words));
         assert_null(strstr(e.message, "An image of a stack"));
     }
 }

@@ -257,7 +257,7 @@ static bool is_unheld(void *context, const char *name, int64_t used_ms, bool hel
     return !held && strcmp(name + strlen(STORE_INPUT_PREFIX), context) != 0;
 }
 
-static void test_a_collection_knows_which_files_are_held(void **state)
+static void test_a_collection_receives_which_files_are_held(void **state)
 {
     place *p = *state;
     char held[STORE_HASH_SIZE], wanted[STORE_HASH_SIZE], unheld[STORE_HASH_SIZE];
@@ -333,7 +333,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_user_has_a_limit_of_simultaneous_uploads, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_each_user_names_a_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_each_user_holds_a_file, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_collection_knows_which_files_are_held, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_collection_receives_which_files_are_held, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_collection_counts_the_bytes_of_files_that_are_sent_meanwhile,
                                         set_up, tear_down),
     };

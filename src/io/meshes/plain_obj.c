@@ -13,7 +13,7 @@ typedef struct obj_facts {
     const char *text;  /* the text of the file, before continued lines are joined */
     size_t free_forms; /* curves and surfaces */
     size_t weighted;   /* vertices with a w that is not 1 */
-    size_t cut;        /* vertices with a word that is not a number behind x y z */
+    size_t cut;        /* vertices with a word after x y z that is not a number */
     size_t empty;      /* faces without corners */
     size_t words;      /* number of unknown words */
     char unknown[32];  /* the first unknown word */
@@ -280,11 +280,9 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
         plain_mesh_warn(out, "%zu vertices have a weight w: their coordinates are divided by it",
                         facts.weighted);
     if (facts.cut > 0)
-        plain_mesh_warn(
-            out,
-            "%zu vertices have a word that is not a number behind their coordinates: the rest of the "
-            "line is skipped",
-            facts.cut);
+        plain_mesh_warn(out,
+                        "%zu vertices: a word after x y z is not a number; the rest of the line is skipped",
+                        facts.cut);
     if (facts.empty > 0) plain_mesh_warn(out, "%zu faces have no corners: they are skipped", facts.empty);
     if (*facts.unknown)
         plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
