@@ -160,7 +160,7 @@ static void plateaus_are_no_surface(void **state)
         expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
                WORDS("as where the background has this value", k == 0   ? "in 100 %"
                                                                : k == 1 ? "above 0.1 and below 1.1"
-                                                                        : "above -1 and below 1"));
+                                                                        : "above 0 and below 1"));
         close(fd);
         fixture_free(&fog);
     }
