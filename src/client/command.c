@@ -45,6 +45,45 @@ int command_ask_showing(client *c, const char *method, const char *path, const c
     return code;
 }
 
+json *command_find(client *c, const char *path)
+{
+    error e = {0};
+    client_reply reply = {0};
+    json *document = NULL;
+    if (client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200) {
+        document = reply.document;
+        reply.document = NULL;
+    }
+    client_reply_clear(&reply);
+    return document;
+}
+
+int command_read_all(client *c, const char *path, const char *member, json **all)
+{
+    json *entries = json_new_array();
+    char *cursor = NULL;
+    int code = COMMAND_OK;
+    do {
+        json *page = NULL;
+        char *page_path = mem_printf("%s%s%s", path, cursor ? "&cursor=" : "", cursor ? cursor : "");
+        code = command_ask(c, "GET", page_path, NULL, &page);
+        json_at root = json_root(page), list = json_member(&root, member);
+        for (json_at entry = json_first(&list); entry.node; entry = json_next(&entry))
+            json_append(entries, json_copy(entry.node));
+        free(page_path);
+        free(cursor);
+        const char *next = json_string(json_member(&root, "next"), NULL);
+        cursor = next ? client_escape(c, next) : NULL;
+        json_free(page);
+    } while (code == COMMAND_OK && cursor);
+    free(cursor);
+    if (code == COMMAND_OK)
+        *all = entries;
+    else
+        json_free(entries);
+    return code;
+}
+
 json *command_next_tasks(client *c, const char *id, double *after, int *code)
 {
     json *page = NULL;

@@ -95,6 +95,12 @@ int command_ask(client *c, const char *method, const char *path, const char *bod
 int command_ask_showing(client *c, const char *method, const char *path, const char *body, const char *text,
                         json **document);
 
+/* Reads a document without printing anything. NULL: there is none, or no answer. The caller frees it. */
+json *command_find(client *c, const char *path);
+/* Reads all pages of a list by their member `next`. The path has a query; `member` is the name of the list in each
+ * page. Returns an exit code; on success *all is an array of the entries, which the caller frees. */
+int command_read_all(client *c, const char *path, const char *member, json **all);
+
 /* Maximum number of entries of a page that is requested. */
 #define COMMAND_PAGE_MOST 500
 

@@ -143,15 +143,8 @@ static int *list_frames(const char *directory, size_t *count)
 /* Reads the document with the list of results of a job or of its frame; NULL: there is none. The caller frees it. */
 static json *read_results(client *c, const char *id, const char *frame)
 {
-    error e = {0};
-    client_reply reply = {0};
     char *path = mem_printf("/v1/jobs/%s/results%s%s", id, frame ? "?frame=" : "", frame ? frame : "");
-    json *document = NULL;
-    if (client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200) {
-        document = reply.document;
-        reply.document = NULL;
-    }
-    client_reply_clear(&reply);
+    json *document = command_find(c, path);
     free(path);
     return document;
 }

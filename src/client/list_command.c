@@ -155,15 +155,8 @@ static int show_failures(client *c, const char *id, double left)
  * and cannot list them. */
 static json *list_dependents(client *c, const char *id)
 {
-    error e = {0};
-    client_reply reply = {0};
     char *path = mem_printf("/v1/jobs?depends_on=%s&limit=%d", id, DEPENDENTS_SHOWN);
-    json *page = NULL;
-    if (client_call(c, "GET", path, NULL, 0, &reply, &e) && reply.status == 200) {
-        page = reply.document;
-        reply.document = NULL;
-    }
-    client_reply_clear(&reply);
+    json *page = command_find(c, path);
     free(path);
     return page;
 }

@@ -72,28 +72,11 @@ char *list_query_path(client *c, const command_options *options, const char *cur
 int list_query_read_all(client *c, const command_options *options, json **jobs)
 {
     command_options chosen = *options;
-    json *all = json_new_array();
-    char *cursor = NULL, limit[24];
-    int code = COMMAND_OK;
+    char limit[24];
     snprintf(limit, sizeof limit, "%d", COMMAND_PAGE_MOST);
     chosen.limit = limit;
-    do {
-        json *page = NULL;
-        char *path = list_query_path(c, &chosen, cursor);
-        code = command_ask(c, "GET", path, NULL, &page);
-        free(path);
-        json_at root = json_root(page), list = json_member(&root, "jobs");
-        for (json_at job = json_first(&list); job.node; job = json_next(&job))
-            json_append(all, json_copy(job.node));
-        const char *next = json_string(json_member(&root, "next"), NULL);
-        free(cursor);
-        cursor = next ? mem_strdup(next) : NULL;
-        json_free(page);
-    } while (code == COMMAND_OK && cursor);
-    free(cursor);
-    if (code == COMMAND_OK)
-        *jobs = all;
-    else
-        json_free(all);
+    char *path = list_query_path(c, &chosen, NULL);
+    const int code = command_read_all(c, path, "jobs", jobs);
+    free(path);
     return code;
 }

@@ -18,31 +18,12 @@ static const char *text_of(json_at object, const char *key, const char *otherwis
     return json_string(json_member(&object, key), otherwise);
 }
 
-/* Reads all pages of the list of uploads. *uploads is an array that the caller frees. */
+/* Reads the list of uploads. *uploads is an array that the caller frees. */
 static int read_uploads(client *c, json **uploads)
 {
-    json *all = json_new_array();
-    char *cursor = NULL;
-    int code = COMMAND_OK;
-    do {
-        json *page = NULL;
-        char *path = mem_printf("/v1/inputs?limit=%d%s%s", COMMAND_PAGE_MOST, cursor ? "&cursor=" : "",
-                                cursor ? cursor : "");
-        code = command_ask(c, "GET", path, NULL, &page);
-        json_at root = json_root(page), list = json_member(&root, "inputs");
-        for (json_at upload = json_first(&list); upload.node; upload = json_next(&upload))
-            json_append(all, json_copy(upload.node));
-        free(path);
-        free(cursor);
-        const char *next = text_of(root, "next", NULL);
-        cursor = next ? client_escape(c, next) : NULL;
-        json_free(page);
-    } while (code == COMMAND_OK && cursor);
-    free(cursor);
-    if (code == COMMAND_OK)
-        *uploads = all;
-    else
-        json_free(all);
+    char *path = mem_printf("/v1/inputs?limit=%d", COMMAND_PAGE_MOST);
+    const int code = command_read_all(c, path, "inputs", uploads);
+    free(path);
     return code;
 }
 
