@@ -243,6 +243,7 @@ static bool open_image(const attribute_request *request, uint32_t image, texture
     const mesh_image *head = &t->textures.image[image];
     const size_t held = held_bytes(t);
     error fault = {0};
+    *is_there = head->bytes > 0;
     if (held >= request->memory_limit)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
@@ -255,9 +256,7 @@ static bool open_image(const attribute_request *request, uint32_t image, texture
                      .size = head->bytes,
                      .name = head->name,
                      .limits = {request->image_pixels, request->image_scans, request->memory_limit - held}};
-    *is_there = true;
-    if (head->bytes > 0) return true;
-    *is_there = false;
+    if (*is_there) return true;
     if (request->is_sent) {
         warn_of_image(t, image, "is a separate file, which an uploaded mesh cannot name");
         return true;
