@@ -690,7 +690,7 @@ export type JobSpec = {
       path?: string;
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
-       * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
+       * the name of a value of its vertices, as in attributes: a property of a PLY file such as quality, an
        * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;
@@ -1905,7 +1905,7 @@ export type AnsweredSpec = {
       path?: string;
       /**
        * The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a mesh:
-       * the name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an
+       * the name of a value of its vertices, as in attributes: a property of a PLY file such as quality, an
        * array of the points of a VTK or GIfTI file, or color.
        */
       name: string;

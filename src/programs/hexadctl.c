@@ -39,7 +39,7 @@ static const char usage[] =
     "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
     "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
     "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected;\n"
-    "                    --accept: as of wait\n"
+    "                    --accept: see wait\n"
     "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
     "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"

@@ -1186,7 +1186,7 @@ const spec_row spec_rows[] = {
      AT(grid.name),
      .prose =
          "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. Of a mesh: the "
-         "name of a value of its vertices, as of attributes: a property of a PLY file such as quality, an array of the "
+         "name of a value of its vertices, as in attributes: a property of a PLY file such as quality, an array of the "
          "points of a VTK or GIfTI file, or color."},
     {.pointer = MEMBER("/sampling/grid", "component"),
      .title = "Component of the value",

@@ -505,6 +505,21 @@ def test_a_mesh_beside_a_volume(carry, tmp_path):
         assert len(over) == len(under) == 1 and over != under, (name, over, under)
 
 
+@pytest.mark.sanitized
+def test_warnings_of_the_mesh_of_an_attribute_are_told_once(carry, tmp_path):
+    vertices, faces = patchwork(5)
+    lines = ["wobble 1", *(f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in vertices),
+             *(f"vn {x:.9f} {y:.9f} {z:.9f}" for x, y, z in vertices)]
+    lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in f) for f in faces]
+    (tmp_path / "cube.obj").write_text("\n".join(lines) + "\n")
+    attributes = [{"from": str(tmp_path / "cube.obj"), "name": "normal", "as": name} for name in ("first", "second")]
+    for surface, expected in (({"analytic": {"shape": "sphere", "radius": 1}}, 'attribute "first": lines that begin with '),
+                              ({"mesh": {"path": str(tmp_path / "cube.obj")}}, "lines that begin with ")):
+        report = carry(surface, attributes)[1]
+        told = [text for text in report["surface"]["warnings"] if "wobble" in text]
+        assert len(told) == 1 and told[0].startswith(expected), report["surface"]["warnings"]
+
+
 # ---- the surface's own geometry
 
 @pytest.mark.sanitized

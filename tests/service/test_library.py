@@ -5,6 +5,7 @@ import ctypes
 import json
 import os
 import pathlib
+import pickle
 import re
 import shutil
 import signal
@@ -505,6 +506,23 @@ def test_properties_choose_arrays_and_change_no_value(properties, names):
     assert {name for name in chosen if len(name) > 2} == names
     for name in names & set(every):
         assert chosen[name].tobytes() == every[name].tobytes(), name
+
+
+@pytest.mark.parametrize("make", [
+    lambda: hexad.sample(*solid(BALL), count=100), lambda: hexad.sample_many([solid(BALL)], 50),
+    lambda: hexad.JobFailed("0123", "failed", {"code": "no_surface", "message": "nothing"}),
+    lambda: hexad.JobFailed("0123", "cancelled", None),
+    lambda: hexad.Problem(400, {"code": "spec_invalid", "detail": "what", "errors": [{"pointer": "/a", "detail": "b"}]}),
+], ids=["points", "batch", "failed", "cancelled", "problem"])
+def test_results_and_errors_pass_between_processes(make):
+    """A pool of processes pickles what a function returns or raises; what it cannot read back stops the pool."""
+    made = make()
+    read = pickle.loads(pickle.dumps(made))
+    assert type(read) is type(made) and str(read) == str(made)
+    if isinstance(made, Exception):
+        assert vars(read) == vars(made)
+    else:
+        assert (read.positions == made.positions).all() and repr(read) == repr(made)
 
 
 def test_points_outlive_the_call():

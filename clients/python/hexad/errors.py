@@ -58,7 +58,11 @@ class Problem(HexadError):
         self.code = document.get("code", "unknown")
         self.detail: str = document.get("detail", "")
         self.errors: list[dict[str, str]] = document.get("errors", [])
+        self._document = document
         super().__init__(f"{self.code}: {self.detail or document.get('title', status)}")
+
+    def __reduce__(self) -> tuple[Any, ...]:  # a pool of processes returns exceptions as bytes
+        return type(self), (self.status, self._document)
 
 
 class JobFailed(HexadError):
@@ -75,3 +79,6 @@ class JobFailed(HexadError):
         self.code = error["code"] if error else None
         why = f"{error['code']}: {error['message']}" if error else ""
         super().__init__(why if not job else f"job {job} ended as {state}" + (f": {why}" if why else ""))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.job, self.state, self.error)

@@ -781,7 +781,7 @@ class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
         file or a mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each
         place the value of the nearest point of its triangles.
     name: The name of the grid. If several grids have the same name, write "name[1]" for the second. Of a
-        mesh: the name of a value of its vertices, as of attributes: a property of a PLY file such as quality,
+        mesh: the name of a value of its vertices, as in attributes: a property of a PLY file such as quality,
         an array of the points of a VTK or GIfTI file, or color.
     component: The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and
         opacity, from 0 to 1. Required if the value has several components; only for meshes.

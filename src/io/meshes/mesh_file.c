@@ -441,13 +441,13 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
 }
 
 bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, error *e)
+                             mesh_textures *textures, mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
     mesh_polygons read = {0};
     mesh_textures found = {0};
-    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
-    if (read_file(file, &header, out, &unused, NULL, &read, &found, e)) {
+    if (read_file(file, &header, out, notes, NULL, &read, &found, e)) {
+        note_header(notes, &header);
         *polygons = read;
         *textures = found;
         return true;

@@ -73,10 +73,10 @@ uint32_t *mesh_polygons_of_triangles(const mesh_polygons *p, size_t triangles, e
 uint32_t mesh_polygons_find_corner(const mesh_polygons *p, uint32_t polygon, uint32_t vertex);
 
 /* Reads the mesh without repair, with its polygons and their textures. Libraries and images that are files are
- * named, not read. Errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
+ * named, not read. Notes, errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
  * COLLADA. Free *out, *polygons and *textures after success. */
 bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, error *e);
+                             mesh_textures *textures, mesh_notes *notes, error *e);
 
 /* Reads a file of materials (MTL), which has no polygons. Errors: as mesh_file_read_textures. */
 bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e);

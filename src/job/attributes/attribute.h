@@ -30,8 +30,9 @@ typedef struct attribute_request {
     const slices_files *files;          /* opens files that a header names */
     const exr_stack_params *stack;      /* the images of a stack; `name` is their channel; or NULL */
     uint64_t image_pixels, image_scans; /* limits of an image of a mesh (io/images/image_decode.h) */
-    bool is_sent;                       /* the file was uploaded: no other file lies beside it */
-    const vec3 *voxel_size;             /* of a dense volume; replaces the size in the file; or NULL */
+    bool is_of_surface;     /* the surface is made from the file and has the warnings of its reader */
+    bool is_sent;           /* the file was uploaded: no other file lies beside it */
+    const vec3 *voxel_size; /* of a dense volume; replaces the size in the file; or NULL */
     attribute_mesh **last;
 } attribute_request;
 
@@ -39,7 +40,7 @@ typedef struct attribute_request {
 typedef struct attribute_counts {
     size_t outside;          /* number of points without data at their position */
     size_t not_finite;       /* number of points whose value is not finite and was replaced by 0 */
-    dense_warnings warnings; /* of a dense volume, or of materials and images */
+    dense_warnings warnings; /* of the file; and of materials and images of a mesh */
 } attribute_counts;
 
 /* Determines the kind and number of values without reading them. Errors, with the file: attribute_missing

@@ -195,7 +195,9 @@ static bool refuse_missing(error *e)
 static bool read_mesh(const attribute_request *request, textured_mesh *t, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
-    if (!mesh_file_read_textures(&file, &t->m, &t->polygons, &t->textures, e)) return false;
+    mesh_notes notes = {0};
+    if (!mesh_file_read_textures(&file, &t->m, &t->polygons, &t->textures, &notes, e)) return false;
+    for (size_t k = 0; k < notes.count && !request->is_of_surface; k++) warn(t, "%s", notes.text[k]);
     warn_of_textures(t, &t->textures);
     const mesh_textures *all = &t->textures;
     bool is_named = false; /* materials of OBJ have a name only, until their library is read */

@@ -21,6 +21,7 @@ struct attribute_mesh {
     char *path;
     mesh m;
     mesh_values values;
+    mesh_notes notes;    /* none once an attribute has them */
     triangle_tree *tree; /* built when first needed; or NULL */
 };
 
@@ -44,7 +45,7 @@ static bool find_mesh(const attribute_request *request, attribute_mesh **out, si
     if (!kept || strcmp(kept->path, request->path) != 0) {
         corners_forget(request->last);
         attribute_mesh read = {0};
-        if (!mesh_file_read_values(&file, &read.m, &read.values, NULL, e)) return false;
+        if (!mesh_file_read_values(&file, &read.m, &read.values, &read.notes, e)) return false;
         kept = *request->last = mem_alloc(sizeof *kept);
         *kept = read;
         kept->path = mem_strdup(request->path);
@@ -86,6 +87,9 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
     double to_file[3][4];
     if (!find_mesh(request, &kept, &which, e)) return false;
     if (!kept->tree && !(kept->tree = triangle_tree_new(&kept->m, e))) return false;
+    for (size_t k = 0; k < kept->notes.count && !request->is_of_surface; k++)
+        dense_warn(&counts->warnings, "%s", kept->notes.text[k]);
+    kept->notes.count = 0;
     const mesh_reader_values *head = &kept->values.head[which];
     const int components = (int)head->components;
     affine_invert(request->from_file, to_file);

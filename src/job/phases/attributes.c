@@ -92,6 +92,7 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
             "the surface has no file with an attribute \"%s\": give the path of the file as `from`",
             a->name ? a->name : "");
     if (!part) place_beside(&s->surface, out->request.from_file);
+    out->request.is_of_surface = part;
     out->request.path = part ? file_of(part) : a->from;
     out->files = (slices_files){open_beside, from};
     out->request.files = &out->files;
