@@ -84,16 +84,18 @@ static int send_input(client *c, const char *path, bool quiet, char **in_spec)
     return code;
 }
 
-/* Replaces the path of the sent file at the beginning of a message by the path on the command line. */
+/* Replaces the name of the sent file at the beginning of a message, `bunny.obj (sha256:8a73d5b2...)`, by the path on the
+ * command line. */
 static void name_file(json *problem, const char *in_spec, const char *path)
 {
+    enum { SHOWN = sizeof STORE_INPUT_PREFIX - 1 + 8 };
     json *detail = problem ? json_find(problem, "/detail") : NULL;
-    const char *text = json_string(json_root(detail), "");
-    const size_t length = strlen(in_spec);
-    if (strncmp(text, in_spec, length) != 0) return;
-    char *named = mem_printf("%s%s", path, text + length);
-    json_set_string(detail, named);
+    char *mark = mem_printf(" (%.*s...)", (int)SHOWN, in_spec);
+    const char *found = strstr(json_string(json_root(detail), ""), mark);
+    char *named = found ? mem_printf("%s%s", path, found + strlen(mark)) : NULL;
+    if (named) json_set_string(detail, named);
     free(named);
+    free(mark);
 }
 
 static sample_options wanted_of(const command_options *options)

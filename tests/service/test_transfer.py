@@ -426,6 +426,9 @@ def test_messages_name_an_upload_to_its_sender_only(shared_by):
     assert f"sha256:{name}.ply" in stored
     named = stored.replace(f"sha256:{name}.ply", f"my scan.v2.ply (sha256:{name[:8]}...)")
     assert messages_seen_by("alice") == {named}
+    for path, document in (("/v1/jobs:validate", mesh(f"sha256:{name}.ply")), ("/v1/inputs:inspect", {"path": f"sha256:{name}.ply"})):
+        refused = service.ask("alice", "POST", path, document)
+        assert refused.status == 422 and refused.json["detail"].startswith(f"my scan.v2.ply (sha256:{name[:8]}...): "), refused.json
     assert service.ask("alice", "PUT", f"/v1/inputs/{name}" + query_of("b.ply"), raw=b"").status == 200
     fresh = service.ask("alice", "GET", f"/v1/jobs/{job}", **{"If-None-Match": ended.headers["ETag"]})
     assert fresh.status == 200 and fresh.json["error"]["message"] == named.replace("my scan.v2.ply", "b.ply")

@@ -201,6 +201,13 @@ char *job_json_name_files(const char *text, const store_inputs *inputs, const ch
     return whole;
 }
 
+void job_json_name_files_of_error(error *e, const store_inputs *inputs, const char *user)
+{
+    char *named = job_json_name_files(e->message, inputs, user);
+    if (named) error_set(e, e->code, "%s", named);
+    free(named);
+}
+
 void job_json_find_names(job_json_live *live, const queue_job *job, job_json_viewer viewer,
                          const store_inputs *inputs, const char *user)
 {

@@ -45,6 +45,9 @@ typedef struct job_json_live {
  * NULL: it names no file of that user. The caller frees it. */
 char *job_json_name_files(const char *text, const store_inputs *inputs, const char *user);
 
+/* Names the files in the message of an error of a worker in this way. */
+void job_json_name_files_of_error(error *e, const store_inputs *inputs, const char *user);
+
 /* Sets `input`, `input_is_label` and `error_message`. The name of an uploaded file is the one that `user`, the caller,
  * gave it. */
 void job_json_find_names(job_json_live *live, const queue_job *job, job_json_viewer viewer,

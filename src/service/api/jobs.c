@@ -820,7 +820,10 @@ static bool put_estimate(const http_context *c, const http_request *request, con
     job_json_put_stored(document, "estimate", found);
     json_put_string(document, "estimate_missing", outcome == ESTIMATOR_MADE ? NULL : e.message);
     free(found);
-    if (outcome == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    if (outcome == ESTIMATOR_FAULT) {
+        job_json_name_files_of_error(&e, c->inputs, request->caller->user);
+        reply_set_error(r, &e, NULL);
+    }
     *busy = outcome == ESTIMATOR_BUSY;
     return outcome != ESTIMATOR_FAULT;
 }

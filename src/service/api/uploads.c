@@ -347,7 +347,7 @@ void uploads_delete(const http_context *c, const http_request *request, reply *r
 
 /* Runs a worker that inspects a file, and answers with its result. uploads_check must have accepted the
  * path. */
-static void inspect(const http_context *c, const char *path, reply *r)
+static void inspect(const http_context *c, const char *path, const char *user, reply *r)
 {
     error e = {0};
     int threads = 0;
@@ -366,9 +366,10 @@ static void inspect(const http_context *c, const char *path, reply *r)
                                               QUEUE_NO_FRAME, threads, memory_mb, 0, &found, &e);
     if (outcome == ESTIMATOR_MADE)
         reply_set_text(r, "application/json", found);
-    else if (outcome == ESTIMATOR_FAULT)
+    else if (outcome == ESTIMATOR_FAULT) {
+        job_json_name_files_of_error(&e, c->inputs, user);
         reply_set_error(r, &e, NULL);
-    else
+    } else
         reply_set_problem(r, "unavailable", NULL, "%s", e.message);
     if (outcome == ESTIMATOR_BUSY) reply_ask_again(r);
     free(text);
@@ -393,7 +394,7 @@ void uploads_inspect(const http_context *c, const http_request *request, reply *
         char *mapped = path_map_apply(c->mappings, asked);
         const char *path = mapped ? mapped : asked;
         if (uploads_check(c, request->caller, path, &e))
-            inspect(c, path, r);
+            inspect(c, path, request->caller->user, r);
         else
             reply_set_error(r, &e, NULL);
         free(mapped);
