@@ -34,8 +34,6 @@ import results  # noqa: E402
 SHARP = 0.7
 # Places on a mesh, and of an edge of mesh.ply what is near, in spacings.
 PLACES, NEAR = 40000, 0.6
-# Of the places that seem farthest so many are looked at at once.
-LOOKED_AT = 50
 # What a case may come to: at most, or at least.
 AT_MOST = {"off": 1e-6, "place": 1.0, "open": 0.8, "cv": 0.02, "row": 0.8, "wrong": 0, "hausdorff": 0.15, "graded": 0.02}
 AT_LEAST = {"hex": 0.95}
@@ -251,16 +249,7 @@ class Lines:
 
 
 def largest(mesh, points):
-    """The largest distance of the points from a mesh: its nearest triangles are guesses, so what seems far is held against all."""
-    far, corner = mesh.nearest(points)[0], mesh.vertices[mesh.triangles]
-    sure = numpy.zeros(len(points), bool)
-    while True:
-        worst = numpy.argsort(-far)[:LOOKED_AT]
-        if sure[worst[0]] or far[worst[0]] == 0:
-            return float(far[worst[0]])
-        for k in worst[~sure[worst]]:
-            far[k] = meshes.distance_to_triangles(numpy.broadcast_to(points[k], (len(corner), 3)), corner).min()
-            sure[k] = True
+    return mesh.farthest(points, numpy.ones(len(points)))
 
 
 def farthest(place, points, which):
