@@ -13,8 +13,10 @@ static const double BEYOND_NEAREST = 0.7;
  * what the bend of the surface adds to certain cells: on meshes, whose triangles meet in edges between the points, the
  * normals give a third of what the edges add. */
 static const double AREA_TOLERANCE = 5e-4, BEND_TOLERANCE = 1.2;
-/* With a smaller share of certain cells all are computed from triangles: to compute the others takes about as long. */
-static const double LEAST_CERTAIN = 0.7;
+/* Triangles are needed for the cells that are not certain and for those beside them. With a larger share of these, all
+ * cells are computed from triangles: certain ones would save less than a quarter of the time, or none, and are least
+ * exact where the surface bends so much. */
+static const double MOST_REACHED = 0.35;
 
 static const char what[] = "the measures of the surface";
 
@@ -167,13 +169,27 @@ static bool is_complete(const voronoi_cells *c)
     return complete;
 }
 
-/* See LEAST_CERTAIN. */
-static void withdraw_few(voronoi_cells *c)
+static void reach(void *context, uint32_t point)
 {
-    size_t certain = 0;
-    for (size_t i = 0; i < c->count; i++) certain += c->planar[i].certain;
-    for (size_t i = 0; (double)certain < LEAST_CERTAIN * (double)c->count && i < c->count; i++)
+    ((bool *)context)[point] = true;
+}
+
+/* Withdraws all certain cells if triangles are needed for more than MOST_REACHED of all. */
+static bool withdraw_few(const sites *s, voronoi_cells *c, error *e)
+{
+    const double most = MOST_REACHED * (double)c->count;
+    size_t rest = 0, reached = 0;
+    bool *is_reached = mem_array(c->count + 1, sizeof *is_reached, what, e);
+    if (!is_reached) return false;
+    for (size_t i = 0; i < c->count; i++) rest += is_reached[i] = !c->planar[i].certain;
+    for (size_t i = 0; (double)rest <= most && i < c->count; i++)
+        if (!c->planar[i].certain)
+            cell_list_within(s->near, s->position[i], VORONOI_FIRST_RING * s->spacing[i], reach, is_reached);
+    for (size_t i = 0; i < c->count; i++) reached += is_reached[i];
+    for (size_t i = 0; (double)reached > most && i < c->count; i++)
         c->planar[i] = (planar_cell){.certain = false};
+    free(is_reached);
+    return true;
 }
 
 bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_energies *energy, measures *pairs,
@@ -185,9 +201,8 @@ bool voronoi_cells_build(const voronoi_cells_input *in, threads *pool, pair_ener
     if (!out->planar ||
         !pair_measures_take(in->pairs, pool, in->exact ? NULL : out->planar, in->area, energy, pairs, e))
         return false;
-    withdraw_few(out);
     s.near = out->near = cell_list_new(s.position, s.count, pool, e);
-    bool ok = out->near != NULL, found = true;
+    bool ok = out->near && withdraw_few(&s, out, e), found = true;
     for (int round = 0; ok && found; round++) {
         ok = build_exact(in, &s, round, pool, out, e) &&
              (out->certain_count == 0 || withdraw(in->surface, &s, out, e));
