@@ -147,7 +147,7 @@ static size_t fill_face(int axis, double side, int rows, vec3 *at, vec3 *normal)
 static void cells_at_the_edges_of_a_formula_have_its_area(void **state)
 {
     (void)state;
-    enum { ROWS = 20, MOST = 6 * ROWS * ROWS };
+    enum { ROWS = 50, MOST = 6 * ROWS * ROWS };
     const analytic_params cube = {.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}};
     static vec3 at[MOST], normal[MOST];
     static double spacing[MOST], local[MOST];
