@@ -63,17 +63,19 @@ PARTLY_UNRESOLVED = sphere(
     outcome={"require": {"hex_fraction": 0.5}}, output={"preview": False},
     queue={"frames": "1-5", "by_frame": {"/surface/analytic/minor_radius": [0.4, 0.02, 0.4, 0.02, 0.02]}})
 
-# The contract of a worker, held by one that runs until its gate opens: a file beside the state directory.
+# The contract of a worker, held by one that runs until its gate opens: a file beside the state directory. Like the worker, it
+# writes into its directory also if that is renamed.
 GATED_WORKER = """#!/bin/sh
 %s
 spec=$(cat)
 D="$4"
 job=${D##*/}
 base=${D%%/*/*/*}
+cd "$D"
 echo '{"phase":"relax","fraction":0.5}' >&3
 while ! [ -e "$base/open.${job%%.*}" ]; do sleep 0.01; done
-printf x > "$D/points.ply"
-printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes":1,"sha256":"%s"}]}' > "$D/report.json"
+printf x > points.ply
+printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes":1,"sha256":"%s"}]}' > report.json
 """
 
 

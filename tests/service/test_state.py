@@ -128,11 +128,14 @@ def test_a_state_directory_that_returns_is_used_again(gated):
     succeeds, fails = [service.submit(small(seed)) for seed in (1, 2)]
     pids = {job: service.wait_worker(job) for job in (succeeds, fails)}
     waits = service.submit(small(3))
+    for job in (succeeds, fails):
+        wait_until(lambda: service.job(job)["progress"], "a worker at its gate")
     rename(service)
     wait_until(lambda: is_lost(service), "word of the loss")
     os.kill(pids[fails], signal.SIGKILL)
     service.open_gate(succeeds)
-    wait_until(lambda: len(log_lines(service, "attempt not settled")) >= 1, "a try to settle")
+    for job in (succeeds, fails):
+        wait_until(lambda: any(job in line for line in log_lines(service, "attempt not settled")), "a try to settle")
     (service.base / "elsewhere").rename(service.state)
     wait_until(lambda: is_ready(service), "readiness")
     for job in (fails, waits):
