@@ -88,7 +88,7 @@ static int send_input(client *c, const char *path, bool quiet, char **in_spec)
  * command line. */
 static void name_file(json *problem, const char *in_spec, const char *path)
 {
-    enum { SHOWN = sizeof STORE_INPUT_PREFIX - 1 + 8 };
+    enum { SHOWN = sizeof STORE_INPUT_PREFIX - 1 + STORE_INPUT_SHOWN };
     json *detail = problem ? json_find(problem, "/detail") : NULL;
     char *mark = mem_printf(" (%.*s...)", (int)SHOWN, in_spec);
     const char *found = strstr(json_string(json_root(detail), ""), mark);

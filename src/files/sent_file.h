@@ -15,6 +15,8 @@
 #define STORE_INPUT_PREFIX "sha256:"
 #define STORE_INPUT_HEX 64
 #define STORE_INPUT_NAME_SIZE (sizeof STORE_INPUT_PREFIX + STORE_INPUT_HEX)
+/* Digits of a hash that messages show, as in `bunny.obj (sha256:8a73d5b2...)`. */
+#define STORE_INPUT_SHOWN 8
 
 /* Whether the text is 64 hexadecimal digits in lower case. */
 bool sent_file_is_hash(const char *hex);

@@ -175,7 +175,7 @@ static const char *first_path(const json_at *at)
 
 char *job_json_name_files(const char *text, const store_inputs *inputs, const char *user)
 {
-    enum { PREFIX = sizeof STORE_INPUT_PREFIX - 1, SHOWN = 8 };
+    enum { PREFIX = sizeof STORE_INPUT_PREFIX - 1 };
     char *named = NULL, hex[STORE_INPUT_HEX + 1];
     const char *from = text;
     for (const char *at = text; at && (at = strstr(at, STORE_INPUT_PREFIX));) {
@@ -190,7 +190,7 @@ char *job_json_name_files(const char *text, const store_inputs *inputs, const ch
         while (*end == '.' && isalnum((unsigned char)end[1]))
             for (end++; isalnum((unsigned char)*end);) end++;
         char *longer = mem_printf("%s%.*s%s (" STORE_INPUT_PREFIX "%.*s...)", named ? named : "",
-                                  (int)(at - from), from, name, SHOWN, hex);
+                                  (int)(at - from), from, name, STORE_INPUT_SHOWN, hex);
         free(named);
         free(name);
         named = longer;

@@ -28,8 +28,8 @@ typedef struct retention retention;
 /* Adds the task to the runner. results/ and attempts/ must exist. The queue and the inputs must outlive it;
  * the path is copied. After the deletion of a job, 1 is written to the eventfd `space_fd`: disk space may be
  * free for other jobs. Uploaded files that no unfinished job reads are removed `keep_s` seconds after their last
- * use; at the next collection, within an hour, if no user holds them. If keep_s is 0, those that users hold are kept for ever; if inputs is NULL,
- * all are. */
+ * use; at the next collection, within an hour, if no user holds them. If keep_s is 0, those that users hold are
+ * kept for ever; if inputs is NULL, all are. */
 retention *retention_add(runner *to, queue *q, const char *work_dir, store_inputs *inputs, double keep_s,
                          int space_fd);
 /* After runner_stop. Stores the running time of the daemon. Accepts NULL. */
