@@ -1,20 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of doc/files.md: for each source file, what its first comment says it is.
+"""Prints an index of the source files: what the first comment of each says it is.
 
-    tools/file_index.py [--check]
+    tools/file_index.py
 
 A header and its .c file are one row. The text is the first sentence of the first comment of the header (of the .c file if there is
-no header), without the name that it starts with. --check: changes nothing; prints the rows that differ, and ends with 1 if any do.
+no header), without the name that it starts with.
 """
 import argparse
-import difflib
 import pathlib
 import re
 import sys
 
-PAGE = "doc/files.md"
-BEGIN, END = "<!-- files: written by tools/file_index.py -->", "<!-- end of files -->"
 FOLDERS = ("src", "page", "clients/python/hexad", "clients/typescript")
 SUFFIXES = (".h", ".c", ".cc", ".js", ".py")
 
@@ -56,33 +53,12 @@ def section(root):
         if table:
             lines += ["", f"## {folder.relative_to(root)}", "", "| file | what it is |", "|---|---|"]
             lines += [f"| {names} | {text} |" for names, text in table]
-    return "\n".join(lines) + "\n\n"
-
-
-def parts(root):
-    """The page before, in and after the tables, and the tables as they must be."""
-    before, _, rest = (root / PAGE).read_text().partition(BEGIN)
-    present, _, after = rest.partition(END)
-    return before, present, after, "\n" + section(root)
-
-
-def differences(root):
-    """Rows that are missing (+) and rows that are wrong (-)."""
-    _, present, _, wanted = parts(root)
-    return [line for line in difflib.unified_diff(present.splitlines(), wanted.splitlines(), lineterm="", n=0)
-            if re.match(r"[+-]\|", line)]
+    return "\n".join(lines[1:]) + "\n"
 
 
 def main():
-    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--check", action="store_true")
-    root = pathlib.Path(__file__).resolve().parent.parent
-    if arguments.parse_args().check:
-        found = differences(root)
-        print("".join(line + "\n" for line in found), end="")
-        return 1 if found else 0
-    before, _, after, wanted = parts(root)
-    (root / PAGE).write_text(before + BEGIN + wanted + END + after)
+    argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
+    print(section(pathlib.Path(__file__).resolve().parent.parent), end="")
     return 0
 
 

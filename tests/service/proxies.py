@@ -68,7 +68,7 @@ class Front:
         for shipped, here in (("listen 443", f"listen {port}"), ("accept = 443", f"accept = {port}"),
                               ("127.0.0.1:8642", behind), ("/etc/ssl/hexad", str(certificate))):
             text = text.replace(shipped, here)
-        if prefix != "/":  # the two lines that doc/tls.md names
+        if prefix != "/":  # the two lines that doc/systemd.md names
             text = text.replace("location / {", f"location {prefix} {{").replace(f"http://{behind};", f"http://{behind}/;")
         where.mkdir()
         if kind == "nginx":

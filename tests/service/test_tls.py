@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""hexad behind nginx and stunnel, set up as doc/tls.md says, over TLS with a certificate made for the test."""
+"""hexad behind nginx and stunnel, set up as doc/systemd.md says, over TLS with a certificate made for the test."""
 import hashlib
 import json
 import os

@@ -267,11 +267,11 @@ def test_waiting_and_following_end_when_the_caller_says(build, node, tmp_path):
 
 
 @needs_node
-@pytest.mark.parametrize("page", ["doc/javascript.md", "clients/typescript/README.md"])
+@pytest.mark.parametrize("page", ["doc/clients.md", "clients/typescript/README.md"])
 def test_the_examples_of_the_pages(service, node, source, tmp_path, page):
     """Each block in turn, as one module."""
     blocks = re.findall(r"^```js\n(.*?)^```$", (source / page).read_text(), re.M | re.S)
-    assert len(blocks) == {"doc/javascript.md": 4}.get(page, 1)
+    assert len(blocks) == {"doc/clients.md": 4}.get(page, 1)
     process = node.start("\n".join(blocks), HEXAD_SERVER=service.address)
     out, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0 and errors == "", out + errors

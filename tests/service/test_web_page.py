@@ -1193,7 +1193,7 @@ def test_two_jobs_are_compared(service, browser):
 
 
 def test_below_a_prefix_of_a_proxy(closed_service, browser, source, certificate, tmp_path):
-    """Over TLS, as doc/tls.md says: nothing is asked for at the root, and the cookie is Secure."""
+    """Over TLS, as doc/systemd.md says: nothing is asked for at the root, and the cookie is Secure."""
     front = Front("nginx", source, certificate, tmp_path / "front", closed_service.address, prefix="/hexad/")
     closed_service.end()
     closed_service.options[closed_service.options.index("--listen") + 1] = closed_service.address
