@@ -2,12 +2,14 @@
 """libhexad by ctypes: a job in this process, on arrays of NumPy. `hexad.sample` is what to call; this module is private."""
 from __future__ import annotations
 
+import atexit
 import ctypes
 import functools
 import importlib
 import json
 import os
 import pathlib
+import queue
 import threading
 from typing import Any, Callable, Sequence
 
@@ -159,33 +161,18 @@ class Job:
     def run(self, progress: Progress | None) -> None:
         """Runs the job on a thread. This one waits, so that Ctrl-C ends the call: ctypes would drop the exception in a function
         that the library calls."""
-        error, results = Error(), []
-        told: tuple[str, float] = ("load", 0.0)
-        stopped, ended = False, threading.Event()
-
-        def hear(_: Any, phase: bytes, fraction: float) -> int:
-            nonlocal told
-            told = (phase.decode(), fraction)
-            return stopped
-
-        def work() -> None:
-            results.append(self.library.hexad_job_run(self.handle, ctypes.byref(error)))
-            ended.set()
-
-        function = PROGRESS(hear)
-        self.library.hexad_job_set_progress(self.handle, function, None)
-        thread = threading.Thread(target=work, name="hexad call")
-        thread.start()
+        runs = Runs()
+        run = Run(self, runs)
         try:
-            while not ended.wait(TICK_S):
-                if progress and not stopped and progress(*told):
-                    stopped = True
+            run.start()
+            while not run.has_ended:
+                if progress and not runs.stopped and progress(*run.told):
+                    runs.stopped = True
+                runs.wait()
         finally:
-            stopped = True
-            thread.join()
-            self.library.hexad_job_set_progress(self.handle, PROGRESS(0), None)
-            self.kept.clear()
-        self.check(results[0], error)
+            runs.stopped = True  # an interrupt may prevent the call
+            runs.stop()
+        run.check()
 
     def report(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self.library.hexad_job_report(self.handle))
@@ -207,3 +194,79 @@ class Job:
             memory = (ctypes.c_char * (count * kind.itemsize)).from_address(a.data)
             memory.job = self
             found[name.decode()] = numpy.frombuffer(memory, kind, count).reshape(shape)
+
+
+class Runs:
+    """Runs that are stopped together."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        self.active: set[Run] = set()  # whose threads have begun
+        self.ended: queue.SimpleQueue[Run] = queue.SimpleQueue()
+
+    def wait(self) -> None:
+        """Waits for the end of a run, or a tick."""
+        try:
+            self.ended.get(timeout=TICK_S)
+        except queue.Empty:
+            pass
+
+    def stop(self) -> None:
+        """Ends the runs soon, and waits for that. Interrupts meanwhile are raised afterwards."""
+        self.stopped = True
+        interrupt: BaseException | None = None
+        while self.active:
+            try:
+                self.wait()
+            except BaseException as fault:
+                interrupt = fault
+        if interrupt:
+            raise interrupt
+
+
+class Run:
+    """A job on a thread of its own. The thread holds all that the library uses until the library has returned, because an interrupt
+    may end the caller anywhere, also while it starts the thread or waits for its end."""
+
+    def __init__(self, job: Job, runs: Runs) -> None:
+        self.job, self.runs = job, runs
+        self.told: tuple[str, float] = ("load", 0.0)
+        self.has_ended = False
+        self.result, self.error = -1, Error()
+
+    def start(self) -> None:
+        # a daemon: the interpreter ends the job and does not wait until it is done
+        threading.Thread(target=self.work, name="hexad call", daemon=True).start()
+
+    def hear(self, _: Any, phase: bytes, fraction: float) -> int:
+        self.told = (phase.decode(), fraction)
+        return self.runs.stopped
+
+    def work(self) -> None:
+        active.add(self)
+        self.runs.active.add(self)
+        try:
+            if not self.runs.stopped:
+                job, function = self.job, PROGRESS(self.hear)
+                job.library.hexad_job_set_progress(job.handle, function, None)
+                self.result = job.library.hexad_job_run(job.handle, ctypes.byref(self.error))
+                job.library.hexad_job_set_progress(job.handle, PROGRESS(0), None)
+                job.kept.clear()
+        finally:
+            self.has_ended = True
+            self.runs.active.discard(self)
+            active.discard(self)
+            self.runs.ended.put(self)
+
+    def check(self) -> None:
+        self.job.check(self.result, self.error)
+
+
+active: set[Run] = set()
+
+
+@atexit.register
+def stop_all() -> None:
+    """The end of the interpreter ends threads that call Python, and with them memory that the library uses."""
+    for run in [*active]:
+        run.runs.stop()

@@ -2,19 +2,17 @@
 """A call: arrays in, arrays out, in this process (libhexad)."""
 from __future__ import annotations
 
-import concurrent.futures
 import difflib
 import json
 import operator
 import os
-import queue
 import warnings
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping, Sequence, Union
 
 from . import spec as spec_module
 from .errors import HexadError, JobFailed, OutcomeWarning, SurfaceWarning
 from .job import PathLike, with_version
-from .library import TICK_S, Job, Progress, load_numpy
+from .library import Job, Progress, Run, Runs, load_numpy
 from .points import Points
 
 if TYPE_CHECKING:
@@ -276,13 +274,21 @@ class Call:
         except (TypeError, ValueError) as fault:
             raise KeywordError(f"a value is neither a number, a text nor an array: {fault}") from None
 
-    def run(self, directory: PathLike | None, roots: Sequence[PathLike], progress: Progress | None) -> Sampled:
+    def job(self, directory: PathLike | None, roots: Sequence[PathLike]) -> Job:
         job = Job(self.text)
         for name, place, given in self.found:
             add_array(job, name, place, given)
         job.set_places(os.fspath(directory) if directory else None, [os.fspath(root) for root in roots])
+        return job
+
+    def run(self, directory: PathLike | None, roots: Sequence[PathLike], progress: Progress | None) -> Sampled:
+        job = self.job(directory, roots)
         job.run(progress)
-        return Sampled(job.arrays(), job.report())
+        return points_of(job)
+
+
+def points_of(job: Job) -> Sampled:
+    return Sampled(job.arrays(), job.report())
 
 
 def put_properties(spec: dict[str, Any], properties: Properties | None) -> None:
@@ -450,6 +456,80 @@ def is_common(surface: Surface, fault: Exception) -> bool:
     return isinstance(fault, KeywordError)
 
 
+class Batch:
+    """The calls of `sample_many`, of which some run at a time."""
+
+    def __init__(self, surfaces: list[Surface], count: int, keywords: dict[str, Any]) -> None:
+        self.surfaces, self.made = surfaces, Samples(len(surfaces), count)
+        self.directory, self.roots = keywords.pop("directory", None), keywords.pop("roots", ())
+        self.common: list[Exception] = []  # faults
+        self.reasons: dict[int, str] = {}  # of outcomes
+        self.texts: dict[int, str] = {}  # of surfaces
+        self.waiting: dict[int, Call] = {}
+        self.running: dict[int, Run] = {}
+        self.runs = Runs()
+        for k, surface in enumerate(surfaces):
+            try:
+                self.waiting[k] = item_of_batch(k, surface, count, keywords)
+            except Exception as fault:  # a surface never ends the others
+                self.fail(k, fault)
+
+    def fail(self, k: int, fault: Exception) -> None:
+        self.made.errors[k] = error_of_item(k, fault)
+        if is_common(self.surfaces[k], fault):
+            self.common.append(fault)
+
+    def begin(self, k: int) -> None:
+        try:
+            self.running[k] = Run(self.waiting.pop(k).job(self.directory, self.roots), self.runs)
+            self.running[k].start()
+        except Exception as fault:
+            self.running.pop(k, None)
+            self.fail(k, fault)
+
+    def end(self, k: int) -> None:
+        made = self.made
+        try:
+            run = self.running.pop(k)
+            run.check()
+            points = points_of(run.job)
+            if points.count != made.positions.shape[1]:
+                raise HexadError(f"the surface has {points.count} points instead of {made.positions.shape[1]}")
+            made.positions[k], made.normals[k] = points.positions, points.normals
+            made.outcomes[k] = points.outcome
+            made.reports[k] = {name: value for name, value in points.report.items() if name != "sweeps"}
+            if points.outcome != CONVERGED:
+                self.reasons[k] = first_reason(points)
+            if points.warnings:
+                self.texts[k] = points.warnings[0]
+        except Exception as fault:
+            self.fail(k, fault)
+
+    def cancel(self) -> None:
+        self.runs.stopped = True
+        for k in [*self.waiting]:
+            del self.waiting[k]
+            self.fail(k, JobFailed("", "cancelled", {"code": "cancelled", "message": "the batch was cancelled before this surface"}))
+
+    def run(self, processors: int, progress: Callable[[int, int], Any] | None) -> None:
+        try:
+            while True:
+                left = len(self.waiting) + len(self.running)
+                if progress and not self.runs.stopped and progress(len(self.surfaces) - left, len(self.surfaces)):
+                    self.cancel()
+                if not left:
+                    return
+                for k in [*self.waiting][:processors - len(self.running)]:
+                    self.begin(k)
+                if self.running:
+                    self.runs.wait()
+                for k in [k for k, run in self.running.items() if run.has_ended]:
+                    self.end(k)
+        finally:
+            self.runs.stopped = True  # an interrupt may prevent the call
+            self.runs.stop()
+
+
 def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: int | None = None,
                 progress: Callable[[int, int], Any] | None = None, **keywords: Unpack[Keywords]) -> Samples:
     """The same number of points on each of many surfaces: `sample_many([(vertices, faces), ...], count=2048)`.
@@ -468,66 +548,13 @@ def sample_many(surfaces: Iterable[Surface], count: int = 2048, *, processors: i
     if processors is not None and processors < 1:
         raise ValueError(f"processors is {processors}: give at least 1")
     check_batch(given)
-    directory, roots = given.pop("directory", None), given.pop("roots", ())
-    made = Samples(len(listed), count)
-    calls: dict[int, Call] = {}
-    common: list[Exception] = []
-    stopped: list[bool] = []
-    reasons: dict[int, str] = {}  # of outcomes
-    texts: dict[int, str] = {}  # of surfaces
-    ended: queue.SimpleQueue[int] = queue.SimpleQueue()
-
-    def fail(k: int, fault: Exception) -> None:
-        made.errors[k] = error_of_item(k, fault)
-        if is_common(listed[k], fault):
-            common.append(fault)
-
-    def one(k: int) -> None:
-        try:
-            if stopped:
-                raise JobFailed("", "cancelled", {"code": "cancelled", "message": "the batch was cancelled before this surface"})
-            points = calls[k].run(directory, roots, lambda *_: bool(stopped))
-            if points.count != count:
-                raise HexadError(f"the surface has {points.count} points instead of {count}")
-            made.positions[k], made.normals[k] = points.positions, points.normals
-            made.outcomes[k] = points.outcome
-            made.reports[k] = {name: value for name, value in points.report.items() if name != "sweeps"}
-            if points.outcome != CONVERGED:
-                reasons[k] = first_reason(points)
-            if points.warnings:
-                texts[k] = points.warnings[0]
-        except Exception as fault:  # a surface never ends the others
-            fail(k, fault)
-        finally:
-            ended.put(k)
-
-    for k, surface in enumerate(listed):
-        try:
-            calls[k] = item_of_batch(k, surface, count, given)
-        except Exception as fault:
-            fail(k, fault)
-    with concurrent.futures.ThreadPoolExecutor(processors or len(os.sched_getaffinity(0)), "hexad") as pool:
-        for k in calls:
-            pool.submit(one, k)
-        done, left = len(listed) - len(calls), len(calls)
-        try:
-            while left:
-                if progress and not stopped and progress(done, len(listed)):
-                    stopped.append(True)
-                try:
-                    ended.get(timeout=TICK_S)
-                    done, left = done + 1, left - 1
-                except queue.Empty:
-                    pass
-            if progress and not stopped:
-                progress(done, len(listed))
-        except BaseException:
-            stopped.append(True)
-            raise
-    if common and made.outcomes.count(None) == len(listed):
-        raise common[0]
-    warn_of_batch(made, SurfaceWarning, texts, "has warnings", "have warnings")
+    batch = Batch(listed, count, given)
+    batch.run(processors or len(os.sched_getaffinity(0)), progress)
+    made = batch.made
+    if batch.common and made.outcomes.count(None) == len(listed):
+        raise batch.common[0]
+    warn_of_batch(made, SurfaceWarning, batch.texts, "has warnings", "have warnings")
     for outcome in ("unresolved", "not_converged"):
-        warn_of_batch(made, OutcomeWarning, {k: text for k, text in reasons.items() if made.outcomes[k] == outcome},
+        warn_of_batch(made, OutcomeWarning, {k: text for k, text in batch.reasons.items() if made.outcomes[k] == outcome},
                       f"is {outcome}", f"are {outcome}")
     return made
