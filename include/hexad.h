@@ -26,7 +26,9 @@
  * process is aborted; if memory is out for an array, the call fails with the code limit_memory.
  *
  * Threads: a job belongs to one thread at a time; different jobs may run at the same time. A call of hexad_job_run
- * ends all threads and processes that it starts. There is no other state, so a process may fork between calls. */
+ * ends all threads and processes that it starts. There is no other state, so a process may fork between calls. Results do
+ * not depend on the locale and the floating-point environment (rounding, subnormals, traps) of the thread, which a call
+ * restores at its end and while it calls the progress function. */
 #ifndef HEXAD_H
 #define HEXAD_H
 

@@ -39,13 +39,20 @@ void hexad_job_free(hexad_job *job)
     free(job);
 }
 
-/* Converts the outcome of a function of hexad.h. */
-static int answer(bool ok, const error *from, hexad_error *to)
+/* Begins a function of hexad.h that computes or can fail; `answer` ends it, and converts its outcome. */
+static error enter(hexad_job *job)
+{
+    numeric_state_enter(&job->host);
+    return (error){0};
+}
+
+static int answer(hexad_job *job, bool ok, const error *from, hexad_error *to)
 {
     if (to) {
         snprintf(to->code, sizeof to->code, "%s", error_code_name(ok ? ERROR_NONE : from->code));
         snprintf(to->message, sizeof to->message, "%s", ok ? "" : from->message);
     }
+    numeric_state_leave(&job->host);
     return ok ? 0 : -1;
 }
 
@@ -129,7 +136,7 @@ static bool add(hexad_job *job, const char *name, source_array *added, error *e)
 int hexad_job_add_mesh(hexad_job *job, const char *name, const hexad_array *vertices,
                        const hexad_array *faces, const hexad_array *counts, hexad_error *why)
 {
-    error e = {0};
+    error e = enter(job);
     source_array a = {.kind = SOURCE_ARRAY_MESH};
     mesh_array *m = &a.mesh;
     const bool ok = take_array(vertices, "vertices", 2, false, &m->vertices, &e) &&
@@ -140,28 +147,28 @@ int hexad_job_add_mesh(hexad_job *job, const char *name, const hexad_array *vert
                     (!counts || m->counts.data ||
                      error_set(&e, ERROR_NO_SURFACE, "counts is empty: give a mesh with faces")) &&
                     add(job, name, &a, &e);
-    return answer(ok, &e, why);
+    return answer(job, ok, &e, why);
 }
 
 int hexad_job_add_grid(hexad_job *job, const char *name, const hexad_array *values, const double affine[16],
                        hexad_error *why)
 {
     static const double identity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    error e = {0};
+    error e = enter(job);
     source_array a = {.kind = SOURCE_ARRAY_GRID};
     memcpy(a.grid.index_to_world, affine ? affine : identity, sizeof identity);
     const bool ok = take_array(values, "values", 3, false, &a.grid.values, &e) &&
                     array_grid_check(&a.grid, &e) && add(job, name, &a, &e);
-    return answer(ok, &e, why);
+    return answer(job, ok, &e, why);
 }
 
 int hexad_job_add_points(hexad_job *job, const char *name, const hexad_array *rows, hexad_error *why)
 {
-    error e = {0};
+    error e = enter(job);
     source_array a = {.kind = SOURCE_ARRAY_POINTS};
     const bool ok = take_array(rows, "points", 2, false, &a.points, &e) &&
                     check_columns(&a.points, "points", 3, 3, &e) && add(job, name, &a, &e);
-    return answer(ok, &e, why);
+    return answer(job, ok, &e, why);
 }
 
 /* ---- settings */
@@ -298,8 +305,8 @@ static bool run(hexad_job *job, error *e)
 
 int hexad_job_run(hexad_job *job, hexad_error *why)
 {
-    error e = {0};
-    return answer(run(job, &e), &e, why);
+    error e = enter(job);
+    return answer(job, run(job, &e), &e, why);
 }
 
 /* ---- results */

@@ -5,6 +5,7 @@
 
 #include <hexad.h>
 
+#include "base/core/numeric_state.h"
 #include "base/json/json.h"
 #include "job/phases/result_arrays.h"
 #include "job/source/source_arrays.h"
@@ -19,6 +20,7 @@ struct hexad_job {
     hexad_progress *progress;
     void *progress_context;
     bool has_run;
+    numeric_state host; /* state of the thread that calls, during the call */
     result_arrays results;
 };
 
@@ -28,10 +30,14 @@ enum { CALL_TICK_MS = 50 };
 /* Memory limit of a job without limits.memory_mb, as that of hexad-worker. */
 enum { CALL_MEMORY_MB = 4096 };
 
-/* Calls the progress function. False: it cancels the job. */
-static inline bool call_report_progress(const hexad_job *job, const char *phase, double fraction)
+/* Calls the progress function in the state that the host has set. False: it cancels the job. */
+static inline bool call_report_progress(hexad_job *job, const char *phase, double fraction)
 {
-    return !job->progress || job->progress(job->progress_context, phase, fraction) == 0;
+    if (!job->progress) return true;
+    numeric_state_leave(&job->host);
+    const int stop = job->progress(job->progress_context, phase, fraction);
+    numeric_state_enter(&job->host);
+    return stop == 0;
 }
 
 /* Runs a spec without files, on threads of this process. */

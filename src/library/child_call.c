@@ -269,7 +269,7 @@ static void read_progress(child *c)
 }
 
 /* Waits until the child returns its result or has ended. */
-static void wait_for_result(const hexad_job *job, child *c)
+static void wait_for_result(hexad_job *job, child *c)
 {
     for (;;) {
         struct pollfd ends[2] = {{c->arrays, POLLIN, 0}, {c->progress, POLLIN, 0}};

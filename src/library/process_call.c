@@ -7,6 +7,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/core/numeric_state.h"
 #include "job/phases/run.h"
 #include "library/call.h"
 
@@ -59,7 +60,7 @@ static bool start(hosted *h, pthread_t *thread, error *e)
     pthread_attr_setstacksize(&attributes, STACK_BYTES);
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before); /* inherited by all threads of the job */
-    const int fault = pthread_create(thread, &attributes, work, h);
+    const int fault = numeric_state_start_thread(thread, &attributes, work, h);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attributes);
     return fault == 0 ||

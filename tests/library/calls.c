@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* calls THREADS JOBS: runs many small jobs of libhexad, some of which fail or are cancelled, in several threads, for
- * valgrind and the sanitizers. It also mutates the descriptions of the arrays: `calls fuzz SEED SECONDS`. Exits with 1 if
- * a result is not as expected. */
+ * valgrind and the sanitizers. It also mutates the descriptions of the arrays: `calls fuzz SEED SECONDS`, and runs the jobs
+ * under locales and floating-point environments of a host: `calls host LOCALE`. Exits with 1 if a result is not as expected. */
+#include <fenv.h>
+#include <locale.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdint.h>
@@ -40,12 +42,6 @@ static hexad_array grid_of(const void *data, hexad_type type, ptrdiff_t bytes)
 {
     const hexad_array a = {data, type, 3, {SIDE, SIDE, SIDE}, {SIDE * SIDE * bytes, SIDE * bytes, bytes}};
     return a;
-}
-
-static int cancel_at_once(void *context, const char *phase, double fraction)
-{
-    (void)phase, (void)fraction;
-    return *(const int *)context;
 }
 
 typedef struct expected {
@@ -96,14 +92,58 @@ static int add_input(hexad_job *job, const char *spec, hexad_error *e)
     return 0;
 }
 
-static int run_one(unsigned k)
+/* What of the state of its thread a host may set. */
+typedef struct host_state {
+    int rounding, traps;
+    unsigned control; /* of SSE, without flags: also whether subnormals are zero */
+    char point;
+} host_state;
+
+static host_state state_now(void)
+{
+    unsigned control = 0;
+#ifdef __SSE2__
+    control = __builtin_ia32_stmxcsr() & ~(unsigned)FE_ALL_EXCEPT;
+#endif
+    return (host_state){fegetround(), fegetexcept(), control, *localeconv()->decimal_point};
+}
+
+static int is_now(host_state s)
+{
+    const host_state n = state_now();
+    return n.rounding == s.rounding && n.traps == s.traps && n.control == s.control && n.point == s.point;
+}
+
+/* What a job returns. */
+typedef struct returned {
+    char message[1024];
+    size_t bytes;
+    void *position;
+} returned;
+
+typedef struct heard {
+    int stop;
+    host_state host;
+    unsigned long calls, changed;
+} heard;
+
+static int check_host(void *context, const char *phase, double fraction)
+{
+    heard *h = context;
+    (void)phase, (void)fraction;
+    h->calls++;
+    h->changed += !is_now(h->host);
+    return h->stop;
+}
+
+static int run_one(unsigned k, heard *h, returned *out)
 {
     const expected *x = &jobs[k % KINDS];
     hexad_error e;
     hexad_array position;
-    int stop = strcmp(x->code, "cancelled") == 0;
     hexad_job *job = hexad_job_new(x->spec);
-    hexad_job_set_progress(job, cancel_at_once, &stop);
+    h->stop = strcmp(x->code, "cancelled") == 0;
+    hexad_job_set_progress(job, check_host, h);
     int failed = add_input(job, x->spec, &e) || hexad_job_run(job, &e);
     int ok = strcmp(e.code, x->code) == 0 && failed == (strcmp(x->code, "none") != 0);
     if (!failed)
@@ -111,8 +151,100 @@ static int run_one(unsigned k)
              hexad_job_report(job);
     if (failed) ok = ok && !hexad_job_report(job) && !hexad_job_array_name(job, 0);
     if (!ok) printf("job %u: %s: %s\n", k % KINDS, e.code, e.message);
+    if (out) {
+        memcpy(out->message, e.message, sizeof e.message);
+        out->bytes = failed ? 0 : 3 * sizeof(double) * position.size[0];
+        out->position = malloc(out->bytes + 1);
+        if (!failed) memcpy(out->position, position.data, out->bytes);
+    }
     hexad_job_free(job);
     return ok;
+}
+
+/* ---- the state of the host's thread */
+
+static const char *locale_name;
+
+static int set_nothing(void)
+{
+    return 1;
+}
+
+static int set_locale(void)
+{
+    return setlocale(LC_ALL, locale_name) != NULL;
+}
+
+static int set_locale_of_thread(void)
+{
+    const locale_t made = newlocale(LC_ALL_MASK, locale_name, (locale_t)0);
+    return made && uselocale(made);
+}
+
+static int set_upward(void)
+{
+    return fesetround(FE_UPWARD) == 0;
+}
+
+static int set_downward(void)
+{
+    return fesetround(FE_DOWNWARD) == 0;
+}
+
+/* Subnormal results and arguments are zero: FTZ and DAZ. */
+static int set_no_subnormals(void)
+{
+#ifdef __SSE2__
+    __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8040);
+#endif
+    return 1;
+}
+
+static int set_traps(void)
+{
+    feclearexcept(FE_ALL_EXCEPT);
+    return feenableexcept(FE_ALL_EXCEPT) != -1;
+}
+
+static int run_as(const char *name, int (*set)(void), const returned *expected, returned *out)
+{
+    heard h = {0};
+    int failed = 0, changed = 0;
+    if (!set()) {
+        printf("%s: cannot be set\n", name);
+        return 1;
+    }
+    h.host = state_now();
+    for (unsigned k = 0; k < KINDS; k++) {
+        failed += !run_one(k, &h, &out[k]);
+        changed += !is_now(h.host);
+    }
+    fesetenv(FE_DFL_ENV);
+    uselocale(LC_GLOBAL_LOCALE);
+    setlocale(LC_ALL, "C");
+    for (unsigned k = 0; expected && k < KINDS; k++) {
+        const int same = strcmp(out[k].message, expected[k].message) == 0 &&
+                         out[k].bytes == expected[k].bytes &&
+                         memcmp(out[k].position, expected[k].position, out[k].bytes) == 0;
+        if (!same) printf("%s: job %u differs: %s\n", name, k, out[k].message);
+        failed += !same;
+    }
+    printf("%s: %d not as expected, %d calls of %d and %lu of progress changed the state of the host\n", name,
+           failed, changed, KINDS, h.changed);
+    return failed > 0 || changed > 0 || h.changed > 0 || h.calls == 0;
+}
+
+static int run_hosts(void)
+{
+    static returned expected[KINDS], out[KINDS];
+    int failed = run_as("default", set_nothing, NULL, expected);
+    failed += run_as("locale", set_locale, expected, out);
+    failed += run_as("locale of the thread", set_locale_of_thread, expected, out);
+    failed += run_as("rounding upward", set_upward, expected, out);
+    failed += run_as("rounding downward", set_downward, expected, out);
+    failed += run_as("no subnormals", set_no_subnormals, expected, out);
+    failed += run_as("traps", set_traps, expected, out);
+    return failed > 0;
 }
 
 typedef struct share {
@@ -124,7 +256,9 @@ typedef struct share {
 static void *run_share(void *context)
 {
     share *s = context;
-    for (unsigned k = 0; k < s->count; k++) s->failed += !run_one(s->first + k);
+    heard h = {.host = state_now()};
+    for (unsigned k = 0; k < s->count; k++) s->failed += !run_one(s->first + k, &h, NULL);
+    s->failed += h.changed > 0;
     return NULL;
 }
 
@@ -253,8 +387,12 @@ int main(int argc, char **argv)
     make_volumes();
     if (argc == 4 && strcmp(argv[1], "fuzz") == 0)
         return run_fuzz(strtoull(argv[2], NULL, 10), atof(argv[3]));
+    if (argc == 3 && strcmp(argv[1], "host") == 0) {
+        locale_name = argv[2];
+        return run_hosts();
+    }
     if (argc != 3) {
-        fprintf(stderr, "usage: calls THREADS JOBS | calls fuzz SEED SECONDS\n");
+        fprintf(stderr, "usage: calls THREADS JOBS | calls fuzz SEED SECONDS | calls host LOCALE\n");
         return 2;
     }
     return run_threads((unsigned)atoi(argv[1]), (unsigned)atoi(argv[2]));

@@ -301,6 +301,14 @@ def test_an_interrupt_ends_a_call(library):
     assert "KeyboardInterrupt" in words and process.returncode == -signal.SIGINT
 
 
+def test_two_and_three_interrupts_end_a_call(library):
+    """Seed and number of runs: HEXAD_SEED, HEXAD_INTERRUPTED_CALLS."""
+    seed, runs = (os.environ.get(name, of) for name, of in (("HEXAD_SEED", str(SEED)), ("HEXAD_INTERRUPTED_CALLS", "20")))
+    done = subprocess.run([sys.executable, SOURCE / "tests/library/interrupts.py", seed, runs], capture_output=True, text=True,
+                          env={**os.environ, "PYTHONPATH": str(SOURCE / "clients/python")})
+    assert done.returncode == 0 and f"seed {seed}: {runs} interrupted calls, 0 not" in done.stdout, done.stdout + done.stderr
+
+
 # ---- what a call leaves in its process
 
 def state():
@@ -457,8 +465,8 @@ def calls(library, tmp_path_factory):
         pytest.skip("cc is missing")
     made = tmp_path_factory.mktemp("calls") / "calls"
     flags = ["-fsanitize=address,undefined"] if os.environ.get("HEXAD_TIER") == "sanitized" else []
-    subprocess.run(["cc", "-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", *flags, f"-I{SOURCE / 'include'}",
-                    SOURCE / "tests/library/calls.c", library, f"-Wl,-rpath,{library.parent}", "-lpthread", "-o", made], check=True)
+    subprocess.run(["cc", "-std=gnu11", "-D_GNU_SOURCE", "-g", "-O1", "-Wall", "-Wextra", "-Werror", *flags, f"-I{SOURCE / 'include'}",
+                    SOURCE / "tests/library/calls.c", library, f"-Wl,-rpath,{library.parent}", "-lpthread", "-lm", "-o", made], check=True)
     return made
 
 
@@ -466,6 +474,15 @@ def calls(library, tmp_path_factory):
 @pytest.mark.parametrize("words", [(3, 16), ("fuzz", SEED, 2)], ids=["jobs that succeed, fail and are cancelled", "mutated arrays"])
 def test_many_calls_in_c(calls, words):
     done = subprocess.run([calls, *map(str, words)], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_results_do_not_depend_on_the_state_of_the_host(calls, tmp_path):
+    """A locale with a decimal comma, rounding, subnormals that are zero, traps: the same bytes and messages; the host's
+    progress function and what follows the call have the state that the host has set."""
+    subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", tmp_path / "de_DE.UTF-8"], check=True)
+    done = subprocess.run([calls, "host", "de_DE.UTF-8"], capture_output=True, text=True, timeout=PATIENCE_S,
+                          env={**os.environ, "LOCPATH": str(tmp_path)})
     assert done.returncode == 0, done.stdout + done.stderr
 
 

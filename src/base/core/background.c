@@ -4,11 +4,13 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/core/numeric_state.h"
+
 bool background_start(pthread_t *thread, void *(*run)(void *argument), void *argument, const char *purpose,
                       error *e)
 {
     pthread_t started;
-    int fault = pthread_create(&started, NULL, run, argument);
+    int fault = numeric_state_start_thread(&started, NULL, run, argument);
     if (fault)
         return error_set(e, ERROR_INTERNAL, "cannot start a thread for %s: %s", purpose, strerror(fault));
     *thread = started;

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "base/core/numeric_state.h"
 
 /* The chunks that a worker takes first. On a cache line of its own. */
 typedef struct share {
@@ -155,7 +156,7 @@ threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e)
     for (int k = 1; k < count; k++) {
         seat *s = mem_alloc(sizeof *s);
         *s = (seat){t, k};
-        int fault = pthread_create(&t->thread[k], NULL, worker_main, s);
+        int fault = numeric_state_start_thread(&t->thread[k], NULL, worker_main, s);
         if (fault) {
             free(s);
             error_set(e, ERROR_INTERNAL, "cannot start thread %d of %d: %s", k + 1, count, strerror(fault));

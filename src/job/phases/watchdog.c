@@ -9,6 +9,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/memory.h"
+#include "base/core/numeric_state.h"
 
 /* GLANCE_MS: interval of the checks. PATIENCE_MS: time after a request to stop before `leave` is called. A
  * job must end within 100 ms, of which the kernel needs a large part to free the memory. */
@@ -66,7 +67,7 @@ watchdog *watchdog_start(const watchdog_params *params, error *e)
     pthread_attr_t attributes;
     pthread_attr_init(&attributes);
     pthread_attr_setstacksize(&attributes, STACK_BYTES);
-    int fault = pthread_create(&w->thread, &attributes, look, w);
+    int fault = numeric_state_start_thread(&w->thread, &attributes, look, w);
     pthread_attr_destroy(&attributes);
     if (!fault) return w;
     error_set(e, ERROR_INTERNAL, "cannot start the watchdog thread: %s", strerror(fault));
