@@ -656,8 +656,11 @@ static void test_a_crash_in_the_last_attempt_says_what_to_do(void **state)
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
     assert_string_equal(
         s.message,
-        "the worker was killed by signal 11 (SIGSEGV) in attempt 3 of 3, a fault of hexad: report it "
-        "with the spec and the log");
+        "the worker was killed by signal 11 (SIGSEGV: it crashed or aborted) in attempt 3 of 3, a fault of "
+        "hexad: report it with the spec and the log");
+    ending.signal = SIGTRAP; /* an abort in the sandbox, on ARM */
+    settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
+    assert_non_null(strstr(s.message, "a fault of hexad"));
     ending.signal = SIGKILL;
     settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
     assert_non_null(strstr(s.message, "look for the cause in the logs of the job and of the machine"));

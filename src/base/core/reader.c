@@ -64,14 +64,11 @@ bool reader_start(const reader_params *p, reader *out, error *e)
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
     out->begun = out->refused = false;
-    if (why == 0 && (out->stream = fdopen(ends[0], "rb"))) return true;
-    if (why == 0) {
-        why = errno;
-        kill(out->pid, SIGKILL);
-        while (waitpid(out->pid, NULL, 0) < 0 && errno == EINTR) {
-        }
-    }
-    close(ends[0]);
+    const bool has_started = why == 0;
+    if (has_started && (out->stream = fdopen(ends[0], "rb"))) return true;
+    if (has_started) why = errno;
+    close(ends[0]); /* a process that has started ends with its output */
+    while (has_started && waitpid(out->pid, NULL, 0) < 0 && errno == EINTR) continue;
     return error_set(e, ERROR_INTERNAL, "the process that reads the file could not be started: %s",
                      strerror(why));
 }
@@ -82,7 +79,7 @@ bool reader_end(reader *r, bool ok, error *e)
     pid_t ended;
     fclose(r->stream);
     r->stream = NULL;
-    if (!ok && r->begun) kill(r->pid, SIGKILL);
+    if (!ok && r->begun) kill(r->pid, SIGKILL); /* in the sandbox, it ends with its output only */
     do ended = waitpid(r->pid, &status, 0);
     while (ended < 0 && errno == EINTR);
     if (ended != r->pid)
@@ -97,7 +94,7 @@ bool reader_end(reader *r, bool ok, error *e)
     if (WIFSIGNALED(status))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "the library that reads this format crashed (%s), so the file is probably damaged. Save it again "
+            "the library that reads this format crashed or aborted (%s), so the file is probably damaged. Save it again "
             "with a program that opens it.",
             strsignal(WTERMSIG(status)));
     return ok && (WEXITSTATUS(status) == 0 ||

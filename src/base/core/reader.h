@@ -3,7 +3,8 @@
  *
  * The process is this program, started with another command. It receives the open file as standard input, no
  * other descriptor, and limits of address space, CPU time and descriptors. If it crashes, hangs or exceeds
- * its memory, the caller gets an error. A reader belongs to one thread.
+ * its memory, the caller gets an error. It ends within 0.1 s after the caller has closed its output, also while it
+ * computes. A reader belongs to one thread.
  *
  * All of these processes answer in one form: a reader_head; `text_length` bytes of text; `size` bytes of the
  * struct that the command answers; and what this struct announces. Numbers have the byte order of the
@@ -51,18 +52,19 @@ typedef struct reader {
 /* Starts `program COMMAND ARGUMENT MEMORY SECONDS`; the caller calls reader_end. Error: internal. */
 bool reader_start(const reader_params *params, reader *out, error *e);
 
-/* Closes the stream and waits for the process. `ok`: its answer was complete and valid. If the answer has
- * begun but is not ok, the process is killed and *e is unchanged. Otherwise *e describes how a failed process
- * ended. Returns whether everything succeeded. In a build with sanitizers a process that a sanitizer
- * stopped is always an error: internal. */
+/* Closes the stream, which ends the process, and waits for it. `ok`: its answer was complete and valid. If the
+ * answer has begun but is not ok, *e is unchanged. Otherwise *e describes how a failed process ended. Returns
+ * whether everything succeeded. In a build with sanitizers a process that a sanitizer stopped is always an error:
+ * internal. */
 bool reader_end(reader *r, bool ok, error *e);
 
 /* Checks that fd is a regular, non-empty file and not a Git LFS pointer. Error: input_damaged; `what` is the
  * expected content, for the message. */
 bool reader_check_file(int fd, const char *what, off_t *size, error *e);
 
-/* In the process: sets the limits in argv[2] (memory, bytes) and argv[3] (seconds), and permits only the
- * first `descriptors` descriptors. Returns the memory limit; 0 unless there are four arguments. */
+/* In the process: sets the limits in argv[2] (memory, bytes) and argv[3] (seconds), permits only the first
+ * `descriptors` descriptors, and starts the thread that ends the process with its output. Returns the memory
+ * limit; 0 unless there are four arguments. */
 size_t reader_limit(int argc, char **argv, unsigned descriptors);
 
 /* Sends a request and the descriptor of an open file to a process that was started with a socket (fd -1). If

@@ -2,6 +2,9 @@
 /* The functions of reader.h that run in the process that reads, which may be a module. */
 #include "base/core/reader.h"
 
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,11 +35,46 @@ static void set_limit(int which, rlim_t soft, rlim_t hard)
     setrlimit(which, &limit);
 }
 
+/* Time, in ms, from the end of the output to the end of the process. One that is about to end does so by itself,
+ * with the checks of sanitizers. */
+#ifdef __SANITIZE_ADDRESS__
+#define LAST_MS 5000
+#else
+#define LAST_MS 50
+#endif
+#define WATCH_STACK ((size_t)256 << 10) /* bytes */
+
+static void *end_with_output(void *unused)
+{
+    struct pollfd output = {.fd = STDOUT_FILENO}; /* its other end is closed: always reported */
+    int ready;
+    (void)unused;
+    do ready = poll(&output, 1, -1);
+    while (ready < 0 && errno == EINTR);
+    if (ready < 0) return NULL;
+    poll(NULL, 0, LAST_MS);
+    _exit(0);
+}
+
+/* Ends this process when the other end of its output is closed, since a computation does not notice that. Without
+ * the thread, the limit of CPU time ends it. */
+static void watch_output(void)
+{
+    pthread_attr_t attributes;
+    pthread_t thread;
+    pthread_attr_init(&attributes);
+    pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
+    pthread_attr_setstacksize(&attributes, WATCH_STACK);
+    pthread_create(&thread, &attributes, end_with_output, NULL);
+    pthread_attr_destroy(&attributes);
+}
+
 size_t reader_limit(int argc, char **argv, unsigned descriptors)
 {
     if (argc != 4) return 0;
     rlim_t memory = (rlim_t)strtoull(argv[2], NULL, 10), seconds = (rlim_t)strtoull(argv[3], NULL, 10);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
+    watch_output(); /* before the memory of the process is measured */
     set_limit(RLIMIT_CORE, 0, 0);
     /* the soft limit sends SIGXCPU, which the parent recognises */
     set_limit(RLIMIT_CPU, seconds, seconds + 1);

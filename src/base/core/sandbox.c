@@ -179,19 +179,18 @@ static const int calls[] = {
     SCMP_SYS(lseek), SCMP_SYS(_llseek), SCMP_SYS(fstat), SCMP_SYS(fstat64), SCMP_SYS(stat), SCMP_SYS(lstat),
     SCMP_SYS(newfstatat), SCMP_SYS(fstatat64), SCMP_SYS(statx), SCMP_SYS(access), SCMP_SYS(faccessat),
     SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat), SCMP_SYS(getcwd), SCMP_SYS(getdents64),
-    SCMP_SYS(fcntl), SCMP_SYS(fcntl64), SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3), SCMP_SYS(fsync),
-    SCMP_SYS(fdatasync), SCMP_SYS(ftruncate), SCMP_SYS(unlink), SCMP_SYS(unlinkat), SCMP_SYS(rename),
-    SCMP_SYS(renameat), SCMP_SYS(renameat2), SCMP_SYS(mkdir), SCMP_SYS(mkdirat), SCMP_SYS(pipe2),
-    SCMP_SYS(sync_file_range), SCMP_SYS(sync_file_range2), SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64),
-    SCMP_SYS(sendmsg), SCMP_SYS(recvmsg),
+    SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3), SCMP_SYS(fsync), SCMP_SYS(fdatasync), SCMP_SYS(ftruncate),
+    SCMP_SYS(unlink), SCMP_SYS(unlinkat), SCMP_SYS(rename), SCMP_SYS(renameat), SCMP_SYS(renameat2),
+    SCMP_SYS(mkdir), SCMP_SYS(mkdirat), SCMP_SYS(pipe2), SCMP_SYS(sync_file_range), SCMP_SYS(sync_file_range2),
+    SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64), SCMP_SYS(sendmsg), SCMP_SYS(recvmsg),
     /* threads, and the process that reads meshes */
     SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(set_robust_list), SCMP_SYS(set_tid_address),
     SCMP_SYS(rseq), SCMP_SYS(arch_prctl), SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity),
     SCMP_SYS(getpid), SCMP_SYS(gettid), SCMP_SYS(getppid), SCMP_SYS(execve), SCMP_SYS(wait4),
     SCMP_SYS(waitid), SCMP_SYS(exit), SCMP_SYS(exit_group), SCMP_SYS(restart_syscall),
-    /* signals */
+    /* signals; none sends one, since a reader has the same filter, but other process numbers */
     SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(sigreturn),
-    SCMP_SYS(sigaltstack), SCMP_SYS(kill), SCMP_SYS(tgkill),
+    SCMP_SYS(sigaltstack),
     /* time */
     SCMP_SYS(clock_gettime), SCMP_SYS(clock_gettime64), SCMP_SYS(clock_nanosleep),
     SCMP_SYS(clock_nanosleep_time64), SCMP_SYS(gettimeofday), SCMP_SYS(setitimer),
@@ -200,20 +199,35 @@ static const int calls[] = {
     SCMP_SYS(uname), SCMP_SYS(getrandom), SCMP_SYS(getuid), SCMP_SYS(geteuid), SCMP_SYS(getgid),
     SCMP_SYS(getegid),
 #if SANITIZED
-    SCMP_SYS(prctl), SCMP_SYS(personality), SCMP_SYS(getdents), SCMP_SYS(tkill),
+    SCMP_SYS(prctl), SCMP_SYS(personality), SCMP_SYS(getdents), SCMP_SYS(kill), SCMP_SYS(tgkill),
+    SCMP_SYS(tkill),
 #endif
 };
+
+/* Commands of fcntl. With F_SETOWN, F_SETSIG and O_ASYNC the kernel sends any signal to any process of the user.
+ * Locks and leases delay processes that use the file. */
+static const int fcntl_commands[] = {F_DUPFD, F_DUPFD_CLOEXEC, F_GETFD, F_SETFD, F_GETFL};
 // clang-format on
 
+static int add_fcntl(scmp_filter_ctx filter, int call)
+{
+    int why = 0;
+    for (size_t i = 0; why == 0 && i < sizeof fcntl_commands / sizeof *fcntl_commands; i++) {
+        const struct scmp_arg_cmp command = SCMP_A1(SCMP_CMP_EQ, (scmp_datum_t)fcntl_commands[i]);
+        why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, call, 1, &command);
+    }
+    return why;
+}
+
 /* System calls whose arguments are checked. clone may make threads and what posix_spawn needs, but no
- * namespace and no copy of the process. clone3 is refused, since its flags are behind a pointer; glibc falls
- * back to clone. Limits: own process only. socketpair: only streams, which pass descriptors to a reader;
- * datagram sockets could send to any other socket. */
+ * namespace, no copy of the process and no child of its parent. clone3 is refused, since its flags are behind a
+ * pointer; glibc falls back to clone. Limits: own process only. socketpair: only streams, which pass descriptors
+ * to a reader; datagram sockets could send to any other socket. */
 static int add_checked_calls(scmp_filter_ctx filter)
 {
-    const uint64_t spaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER |
-                            CLONE_NEWPID | CLONE_NEWNET;
-    const struct scmp_arg_cmp shares = SCMP_A0(SCMP_CMP_MASKED_EQ, spaces | CLONE_VM, CLONE_VM);
+    const uint64_t refused = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER |
+                             CLONE_NEWPID | CLONE_NEWNET | CLONE_PARENT;
+    const struct scmp_arg_cmp shares = SCMP_A0(SCMP_CMP_MASKED_EQ, refused | CLONE_VM, CLONE_VM);
     const struct scmp_arg_cmp own = SCMP_A0(SCMP_CMP_EQ, 0);
     const struct scmp_arg_cmp dies = SCMP_A0(SCMP_CMP_EQ, PR_SET_PDEATHSIG);
     const struct scmp_arg_cmp name = SCMP_A0(SCMP_CMP_EQ, PR_SET_NAME);
@@ -222,6 +236,8 @@ static int add_checked_calls(scmp_filter_ctx filter)
     int why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1, &shares);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, &own);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(socketpair), 2, pair);
+    if (why == 0) why = add_fcntl(filter, SCMP_SYS(fcntl));
+    if (why == 0) why = add_fcntl(filter, SCMP_SYS(fcntl64));
     if (SANITIZED) return why; /* prctl is in the table then */
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &dies);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &name);

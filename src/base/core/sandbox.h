@@ -5,13 +5,14 @@
  * Three permanent restrictions:
  * - no new privileges;
  * - a seccomp filter that permits the system calls of a worker. Others return ENOSYS: no sockets except
- *   stream pairs, no tracing, no namespaces, no mounts, no io_uring;
+ *   stream pairs, no tracing, no namespaces, no mounts, no io_uring. No call acts on another process or sends a
+ *   signal, also to the process itself: abort ends by SIGSEGV (SIGTRAP on ARM), and a parent cannot kill a child;
  * - Landlock, if the kernel has it: reading below the given places, writing below one, executing only this
  *   program and its loader. Libraries remain readable where the loader searches them, since a worker loads
  *   modules late.
  *
  * A process enters before it starts threads and before it reads untrusted bytes. With sanitizers the filter
- * also permits the system calls of their runtimes, /proc is readable, and leaks are not detected.
+ * also permits the system calls of their runtimes, such as kill, /proc is readable, and leaks are not detected.
  */
 #ifndef HEXAD_BASE_CORE_SANDBOX_H
 #define HEXAD_BASE_CORE_SANDBOX_H

@@ -124,7 +124,13 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
 static bool is_fault(int signal)
 {
     return signal == SIGSEGV || signal == SIGBUS || signal == SIGILL || signal == SIGFPE ||
-           signal == SIGABRT || signal == SIGSYS;
+           signal == SIGABRT || signal == SIGSYS || signal == SIGTRAP;
+}
+
+/* In the sandbox no process can send itself SIGABRT: abort ends by one of these (base/core/sandbox). */
+static bool may_be_abort(int signal)
+{
+    return signal == SIGSEGV || signal == SIGTRAP;
 }
 
 static void decide_signal(const queue_claimed *c, const engine_ending *ending, settlement *s)
@@ -140,8 +146,8 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
         return;
     }
     const char *name = sigabbrev_np(ending->signal);
-    error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
-              name ? name : "?");
+    error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s%s)", ending->signal,
+              name ? name : "?", may_be_abort(ending->signal) ? ": it crashed or aborted" : "");
     set_crashed(s, c, &e, is_fault(ending->signal) ? ADVICE_FAULT : ADVICE_STOPPED);
 }
 
