@@ -18,12 +18,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/core/child_environment.h"
 #include "base/core/frames.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "library/call.h"
-
-extern char **environ;
 
 /* Descriptors of the child. */
 enum { CHILD_ARRAYS = 3, CHILD_PROGRESS = 4, CHILD_FIRST_CLOSED = 5 };
@@ -191,7 +190,9 @@ static int spawn(const hexad_job *job, char *const *word, int input, int arrays,
     if (!fault) fault = posix_spawn_file_actions_adddup2(&files, arrays, CHILD_ARRAYS);
     if (!fault) fault = posix_spawn_file_actions_adddup2(&files, progress, CHILD_PROGRESS);
     if (!fault) fault = posix_spawn_file_actions_addclosefrom_np(&files, CHILD_FIRST_CLOSED);
-    if (!fault) fault = posix_spawn(pid, word[0], &files, &attributes, word, environ);
+    char **environment = child_environment_new(CHILD_ENVIRONMENT_OF_WORKER, NULL);
+    if (!fault) fault = posix_spawn(pid, word[0], &files, &attributes, word, environment);
+    free(environment);
     posix_spawn_file_actions_destroy(&files);
     posix_spawnattr_destroy(&attributes);
     return fault;

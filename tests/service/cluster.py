@@ -11,7 +11,7 @@ import subprocess
 import tempfile
 import time
 
-from service import PATIENCE_S, wait_until
+from service import PATIENCE_S, processes, wait_until
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "scontrol", "sinfo")
 PATH = os.environ.get("PATH", "") + ":/usr/sbin:/sbin"
@@ -224,19 +224,18 @@ class Cluster:
         self.call("scontrol", "update", f"nodename={','.join(self.nodes)}", "state=RESUME")
 
     def steps(self):
-        """Processes of Slurm that hold jobs (they outlive their daemon), and what they run: pid -> command line."""
-        found = {}
-        for entry in pathlib.Path("/proc").iterdir():
-            if not entry.name.isdigit():
-                continue
-            try:
-                words = (entry / "cmdline").read_bytes().decode().split("\0")
-                environ = (entry / "environ").read_bytes()
-            except OSError:
-                continue
-            if f"SLURM_CONF={self.environment['SLURM_CONF']}".encode() in environ.split(b"\0"):
-                found[int(entry.name)] = words
-        return found
+        """Processes of Slurm that hold jobs (they outlive their daemon), and what they run: pid -> command line. A worker has
+        another environment, and is a child of one of them."""
+        seen, parents = {}, {pid: parent for pid, (parent, _, _) in processes().items()}
+        for pid in parents:
+            with contextlib.suppress(OSError):
+                seen[pid] = [pathlib.Path(f"/proc/{pid}/{name}").read_bytes() for name in ("environ", "cmdline")]
+        mark = f"SLURM_CONF={self.environment['SLURM_CONF']}".encode()
+
+        def is_of_slurm(pid):
+            return pid in seen and (mark in seen[pid][0].split(b"\0") or is_of_slurm(parents[pid]))
+
+        return {pid: words.decode().split("\0") for pid, (_, words) in seen.items() if is_of_slurm(pid)}
 
     def clean_up(self):
         for name in list(self.running):

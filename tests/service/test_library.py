@@ -416,6 +416,18 @@ def test_a_worker_that_dies_is_an_error(monkeypatch, tmp_path):
     assert found.value.code == "internal"
 
 
+def test_the_worker_of_a_call_has_a_short_environment(monkeypatch, tmp_path):
+    (tmp_path / "shows").write_text(f"#!/bin/sh\n/usr/bin/env > {tmp_path}/environment\n")
+    (tmp_path / "shows").chmod(0o755)
+    BALL.write(tmp_path / "ball.obj")
+    for name, value in {"HEXAD_WORKER": str(tmp_path / "shows"), "HEXAD_TOKEN": "hexad_secret", "ANY": "secret", "TZ": "Asia/Tokyo"}.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(hexad.JobFailed):
+        hexad.sample(tmp_path / "ball.obj", count=100)
+    seen = (tmp_path / "environment").read_text().splitlines()
+    assert "TZ=Asia/Tokyo" in seen and not [line for line in seen if "secret" in line or line.startswith("HEXAD_")]
+
+
 def test_a_call_on_a_file_is_cancelled_and_limited(tmp_path):
     BALL.write(tmp_path / "ball.obj")
     endless = {**ENDLESS, "surface": {"mesh": {"path": str(tmp_path / "ball.obj")}}}

@@ -4,6 +4,7 @@ import hashlib
 import os
 import json
 import pathlib
+import re
 import subprocess
 
 import numpy
@@ -191,6 +192,30 @@ echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep No
     "oom_score_adj $(cat /proc/self/oom_score_adj) nice $(nice)" >&2
 exit 3
 """
+
+
+SECRETS = {"HEXAD_TOKEN": "hexad_secret", "NOTIFY_SOCKET": "/none", "CREDENTIALS_DIRECTORY": "/none", "LD_BIND_NOW": "1", "ANY": "secret"}
+
+
+def documented_variables(source):
+    """The names in the table of doc/worker.md."""
+    table = (source / "doc" / "worker.md").read_text().partition("### Environment")[2].partition("\n## ")[0]
+    return {name for row in table.splitlines() if row.startswith("| `") for name in re.findall(r"`(\w+)`", row.split("|")[1])}
+
+
+def test_the_environment_of_a_worker_is_a_documented_list(new_service, tmp_path, source, monkeypatch):
+    program, passed = tmp_path / "shows", {"MALLOC_ARENA_MAX": "3", "TMPDIR": str(tmp_path), "TZ": "Asia/Tokyo", "UBSAN_OPTIONS": "halt_on_error=1"}
+    program.write_text("#!/bin/sh\ncat > /dev/null\n/usr/bin/env >&2\nexit 3\n")
+    program.chmod(0o700)
+    for name, value in {**SECRETS, **passed, "TRACEPARENT": "of-the-daemon"}.items():
+        monkeypatch.setenv(name, value)
+    service = new_service("--worker", program).start()
+    job = service.submit(sphere())
+    service.wait_state(job, "failed")
+    lines = (service.state / "attempts" / f"{job}.1" / "worker.log").read_text().splitlines()
+    seen = dict(line.split("=", 1) for line in lines)
+    assert passed.items() <= seen.items() and seen["PATH"] == os.environ["PATH"] and "TRACEPARENT" not in seen
+    assert set(seen) - {"PWD", "_", "SHLVL", "OLDPWD"} <= documented_variables(source)  # a shell adds these
 
 
 def oom_score(pid):

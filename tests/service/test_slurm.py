@@ -45,6 +45,22 @@ def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
     assert any(word.startswith("--time=") for word in words)
 
 
+def test_slurm_and_its_nodes_get_a_short_environment(slurm, new_farm, front, tmp_path, monkeypatch):
+    """sbatch exports its own to the nodes."""
+    worker = tmp_path / "shows"
+    worker.write_text(f"#!/bin/sh\ncat > /dev/null\n/usr/bin/env > {tmp_path}/of_worker\n"
+                      f"tr '\\0' '\\n' < /proc/$PPID/environ > {tmp_path}/of_node\nexit 3\n")
+    worker.chmod(0o755)
+    front("sbatch", f'/usr/bin/env > {tmp_path}/of_sbatch; exec "$real" "$@"')
+    for name in ("HEXAD_TOKEN", "CREDENTIALS_DIRECTORY", "ANY"):
+        monkeypatch.setenv(name, "a secret")
+    farm = new_farm("--worker", worker)
+    farm.wait_state(farm.submit(sphere()), "failed")
+    of_sbatch, of_node, of_worker = ((tmp_path / name).read_text() for name in ("of_sbatch", "of_node", "of_worker"))
+    assert "SLURM_CONF=" in of_sbatch and "PATH=" in of_worker
+    assert "a secret" not in of_sbatch + of_node + of_worker and "SLURM_" not in of_worker
+
+
 @pytest.mark.parametrize("fault", ['"$real" "$@" >/dev/null; echo "sbatch: error: Batch job submission failed: Socket '
                                    'timed out on send/recv operation" >&2; exit 1',
                                    '"$real" "$@"; sleep 100'])

@@ -16,6 +16,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/core/child_environment.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
@@ -27,6 +28,7 @@
 #include "files/file.h"
 
 #define PROGRESS_FD 3
+#define TRACE_VARIABLE "TRACEPARENT="
 /* Descriptors for the child are opened above the numbers to which they will be copied. */
 #define FIRST_SAFE_FD 10
 #define OOM_SCORE_FILE "/proc/self/oom_score_adj"
@@ -204,19 +206,6 @@ static void free_arguments(char **arguments)
 
 #define TRACE_VARIABLE "TRACEPARENT="
 
-/* The environment of the daemon, with the trace of the job instead of its own. The strings are not owned,
- * except `trace`. */
-static char **make_environment(char *trace)
-{
-    size_t count = 0, used = 0;
-    while (environ[count]) count++;
-    char **variables = mem_alloc((count + 2) * sizeof *variables);
-    for (size_t i = 0; i < count; i++)
-        if (strncmp(environ[i], TRACE_VARIABLE, strlen(TRACE_VARIABLE)) != 0) variables[used++] = environ[i];
-    if (trace) variables[used] = trace;
-    return variables;
-}
-
 static rlim_t address_space_of(int64_t memory_mb)
 {
 #ifdef __SANITIZE_ADDRESS__
@@ -259,7 +248,7 @@ static launch make_launch(const engine_request *request, const engine_attempt *a
 {
     launch l = {
         .arguments = make_arguments(request),
-        .environment = make_environment(a->trace),
+        .environment = child_environment_new(CHILD_ENVIRONMENT_OF_WORKER, a->trace),
         .spec_fd = -1,
         .null_fd = -1,
         .log_fd = -1,

@@ -12,6 +12,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/core/child_environment.h"
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
@@ -59,7 +60,9 @@ static int spawn(const char *const *arguments, int in, int out, int complaint, p
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setsigdefault(&attributes, &all);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    int why = posix_spawnp(pid, arguments[0], &actions, &attributes, (char *const *)arguments, environ);
+    char **environment = child_environment_new(CHILD_ENVIRONMENT_OF_SLURM, NULL);
+    int why = posix_spawnp(pid, arguments[0], &actions, &attributes, (char *const *)arguments, environment);
+    free(environment);
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
     return why;

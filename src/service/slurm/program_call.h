@@ -16,7 +16,7 @@ typedef struct program_call_result {
 } program_call_result;
 
 /* Runs `arguments` (the program is found by PATH; the last element is NULL) with `input` as standard input
- * (NULL: none). Error internal: the program cannot be started, or its output is too long. On success the
+ * (NULL: none) and the environment of base/core/child_environment. Error internal: the program cannot be started, or its output is too long. On success the
  * caller releases *out with program_call_clear. */
 bool program_call_run(const char *const *arguments, const char *input, double limit_s,
                       program_call_result *out, error *e);
