@@ -167,6 +167,46 @@ def test_more_answers_wait_than_there_are_threads(gated):
     assert [r.status for r in got] == [201] * count
 
 
+def ask_with(service, method, path, *headers):
+    """The status and the headers of an answer. `headers` are pairs, and a name may be repeated."""
+    connection = service.connection()
+    connection.putrequest(method, path)
+    for name, value in headers:
+        connection.putheader(name, value)
+    connection.endheaders()
+    reply = connection.getresponse()
+    reply.read()
+    connection.close()
+    return reply.status, reply.headers
+
+
+@pytest.mark.parametrize("values, waits", [
+    (["wait=0.01"], True), (["Wait=0.01"], True), (["WAIT = 0.01"], True), (['wait="0.01"'], True), (["x-wait=1, wait=0.01"], True),
+    (["respond-async,wait=0.01"], True), (["respond-async", "wait=0.01"], True), (["wait=0.01", "wait=60"], True),
+    (["wait=0.01; strict, handling=lenient"], True), (['a="x, wait=9", WAIT=0.01'], True), (['a="\\", wait=9",, wait=0.01'], True),
+    (["await=9"], False), (["wait"], False), (["wait=soon"], False), (["wait=9x"], False), (["wait=-1"], False),
+    (["respond-async; wait=9"], False), (['a="x, wait=9'], False), ([""], False)])
+def test_preferences_are_read_as_rfc_7240_says(gated, values, waits):
+    job = gated.submit(sphere())
+    status, headers = ask_with(gated, "GET", f"/v1/jobs/{job}", *(("Prefer", value) for value in values))
+    assert status == 200 and headers["Preference-Applied"] == ("wait=0.01" if waits else None)
+
+
+def test_lists_in_repeated_headers_are_one_list(gated):
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    tag = gated.get(f"/v1/jobs/{job}").headers["ETag"]
+    assert ask_with(gated, "GET", f"/v1/jobs/{job}", ("If-None-Match", '"x"'), ("if-none-match", tag))[0] == 304
+    traces = [("traceparent", f"00-{'4b' * 16}-{'0f' * 8}-0{n}") for n in (0, 1)]
+    made = gated.connection()
+    made.putrequest("POST", "/v1/jobs")
+    body = json.dumps(sphere()).encode()
+    for name, value in (*traces, ("Content-Type", "application/json"), ("Content-Length", len(body))):
+        made.putheader(name, value)
+    made.endheaders(body)
+    assert json.loads(made.getresponse().read())["traceparent"] is None  # the standard: no more than one
+
+
 def test_an_answer_waits_for_a_change(gated):
     gated.wait_worker(gated.submit(sphere()))
     job = gated.submit(sphere())

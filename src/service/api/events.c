@@ -11,6 +11,7 @@
 #include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "service/executor/progress_ring.h"
+#include "service/http/header_list.h"
 #include "service/http/parameter.h"
 
 /* Events of a page without the parameter `limit`; parameters.c documents the same number. */
@@ -311,8 +312,7 @@ static void list(const http_context *c, const http_request *request, const selec
 
 static bool wants_stream(const http_request *request)
 {
-    const char *accept = request->header[HTTP_ACCEPT];
-    return accept && strstr(accept, "text/event-stream");
+    return header_list_find(request->header[HTTP_ACCEPT], "text/event-stream") != NULL;
 }
 
 static void answer(const http_context *c, const http_request *request, const selection *s, reply *r)

@@ -23,6 +23,7 @@
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "service/executor/cache.h"
+#include "service/http/header_list.h"
 #include "service/http/parameter.h"
 #include "service/http/preconditions.h"
 #include "service/results/own_spec.h"
@@ -572,14 +573,16 @@ static bool check_rate(const http_context *c, const http_request *request, const
     return false;
 }
 
-/* How long the answer may wait, in milliseconds: the seconds of `Prefer: wait=30`, at most wait_s; 0: no
+/* How long the answer may wait, in milliseconds: the seconds of `Prefer: wait=30` (RFC 7240), at most wait_s; 0: no
  * wait. */
 static int64_t read_wait_ms(const http_context *c, const http_request *request)
 {
-    const char *prefer = request->header[HTTP_PREFER];
-    const char *wait = prefer ? strstr(prefer, "wait=") : NULL;
-    if (!wait || (wait > prefer && !strchr(" ,;", wait[-1])) || !isdigit((unsigned char)wait[5])) return 0;
-    double seconds = strtod(wait + 5, NULL);
+    const char *wait = header_list_find(request->header[HTTP_PREFER], "wait");
+    char *end;
+    if (!wait || *wait++ != '=') return 0;
+    wait += strspn(wait, " \t\"");
+    const double seconds = strtod(wait, &end);
+    if (!isdigit((unsigned char)*wait) || !strchr(" \t\";,", *end)) return 0;
     return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
 }
 

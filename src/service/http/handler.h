@@ -54,7 +54,7 @@ typedef struct http_sink {
 typedef struct http_request {
     const access_caller *caller;
     const char *parameter[HTTP_MAX_PARAMETERS]; /* the {..} parts of the route, in order */
-    const char *header[HTTP_HEADER_COUNT];      /* NULL: not sent */
+    const char *header[HTTP_HEADER_COUNT];      /* NULL: not sent; see header_list_join for repeated ones */
     size_t query_count;
     struct {
         const char *key, *value; /* value may be NULL */

@@ -24,6 +24,7 @@
 #include "service/http/fields.h"
 #include "service/http/forwarded.h"
 #include "service/http/head.h"
+#include "service/http/header_list.h"
 #include "service/http/loop.h"
 #include "service/http/parameter.h"
 #include "service/http/route.h"
@@ -107,6 +108,8 @@ typedef struct exchange {
     struct MHD_Response *file; /* the answer that is being sent, if it is a file */
     bool sent;                 /* the whole answer, with its body */
     bool head;                 /* a HEAD request: the body is not sent */
+    /* the values of headers that were sent several times; NULL: others */
+    char *joined[HTTP_HEADER_COUNT];
 } exchange;
 
 static const char *const header_names[HTTP_HEADER_COUNT] = {
@@ -526,8 +529,12 @@ static bool read_request(exchange *x, const char *method, reply *r)
     request->came_ms = clock_monotonic_ms();
     request->announced = -1;
     memcpy(request->parameter, x->route.parameter, sizeof request->parameter);
-    for (size_t i = 0; i < HTTP_HEADER_COUNT; i++)
-        request->header[i] = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, header_names[i]);
+    for (size_t i = 0; i < HTTP_HEADER_COUNT; i++) {
+        x->joined[i] = header_list_join(x->connection, header_names[i]);
+        request->header[i] =
+            x->joined[i] ? x->joined[i]
+                         : MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, header_names[i]);
+    }
     if (strcmp(method, MHD_HTTP_METHOD_HEAD) == 0)
         request->header[HTTP_RANGE] = NULL; /* defined for GET only */
     MHD_get_connection_values(x->connection, MHD_GET_ARGUMENT_KIND, read_query, request);
@@ -871,6 +878,7 @@ static void end_exchange(exchange *x)
     if (x->request.sink) x->request.sink->drop(x->request.sink);
     if (x->receipt) x->receipt->end(x->receipt, x->sent);
     if (x->file) MHD_destroy_response(x->file);
+    for (size_t i = 0; i < HTTP_HEADER_COUNT; i++) free(x->joined[i]);
     free(x);
 }
 
