@@ -84,6 +84,19 @@ static void test_a_rate_gives_back_as_time_passes(void **state)
     assert_int_equal(ledger_held(l, LEDGER_SUBMISSIONS, "ann"), 0);
 }
 
+/* A reload of the settings between a refusal and its message. */
+static void test_a_refusal_whose_limit_is_removed_meanwhile_has_a_message(void **state)
+{
+    ledger *l = *state;
+    ledger_limit(l, LEDGER_SUBMISSIONS, (ledger_limits){.holder = 1});
+    assert_int_equal(ledger_take(l, LEDGER_SUBMISSIONS, "ann", 1), LEDGER_FITS);
+    assert_int_equal(ledger_take(l, LEDGER_SUBMISSIONS, "ann", 1), LEDGER_HOLDER_FULL);
+    ledger_limit(l, LEDGER_SUBMISSIONS, (ledger_limits){0});
+    const ledger_refusal why = ledger_explain(l, LEDGER_SUBMISSIONS, LEDGER_HOLDER_FULL, "ann");
+    assert_int_equal(why.retry_s, 1);
+    assert_non_null(strstr(why.message, "try again in 1 s"));
+}
+
 static void test_many_holders_are_told_apart_and_forgotten(void **state)
 {
     enum { HOLDERS = 10000 };
@@ -166,6 +179,8 @@ int main(void)
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_a_small_amount_fits_although_all_is_taken, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_rate_gives_back_as_time_passes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_refusal_whose_limit_is_removed_meanwhile_has_a_message, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_many_holders_are_told_apart_and_forgotten, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_refusal_names_holder_limit_setting_and_remedy, set_up,
                                         tear_down),

@@ -262,7 +262,8 @@ int64_t ledger_held(ledger *l, ledger_resource what, const char *holder)
 
 /* ---- refusals */
 
-/* The time until a unit of a rate is left, in seconds, rounded up. */
+/* The time until a unit of a rate is left, in seconds, rounded up. The limit may have been removed since the
+ * refusal. */
 static int64_t find_wait_s(ledger *l, ledger_resource what, const char *holder)
 {
     pthread_mutex_lock(&l->mutex);
@@ -270,7 +271,7 @@ static int64_t find_wait_s(ledger *l, ledger_resource what, const char *holder)
                   over =
                       held_now(l, find(l, holder), what, clock_monotonic_ms()) - (most - 1) * PARTS_OF_RATE;
     pthread_mutex_unlock(&l->mutex);
-    return over > 0 ? 1 + (over - 1) / (most * 1000) : 1;
+    return over > 0 && most > 0 ? 1 + (over - 1) / (most * 1000) : 1;
 }
 
 ledger_refusal ledger_explain(ledger *l, ledger_resource what, ledger_decision why, const char *holder)
