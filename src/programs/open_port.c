@@ -41,6 +41,21 @@ static bool write_drop_in(const char *directory, const char *path, bool *written
     return ok;
 }
 
+/* Whether systemd may not have opened the port of the drop-in: it has not read the file, or its socket is older.
+ * A run that failed or was interrupted leaves such a file. */
+static bool is_pending(const char *path)
+{
+    struct stat info;
+    char *unread = systemd_units_show("show --value --property NeedDaemonReload hexad.socket");
+    char *since =
+        systemd_units_show("show --value --property ActiveEnterTimestamp --timestamp=unix hexad.socket");
+    const long long since_s = *since == '@' ? atoll(since + 1) : 0; /* "@" and seconds */
+    const bool pending = strncmp(unread, "yes", 3) == 0 || stat(path, &info) != 0 || info.st_mtime > since_s;
+    free(unread);
+    free(since);
+    return pending;
+}
+
 /* Makes systemd open the port of a new drop-in. The service is restarted, since a socket of a running service
  * keeps its addresses. The service is started with its socket, so that queued and interrupted jobs run without
  * waiting for a client. */
@@ -146,8 +161,8 @@ int open_port(const config *settings)
     char *units = systemd_units_directory(), *directory = mem_printf("%s/hexad.socket.d", units),
          *path = mem_printf("%s/tcp.conf", directory);
     bool written = false;
-    const bool ok =
-        write_drop_in(directory, path, &written, &e) && start_units(written, &e) && print_addresses(path, &e);
+    const bool ok = write_drop_in(directory, path, &written, &e) &&
+                    start_units(written || is_pending(path), &e) && print_addresses(path, &e);
     fflush(stdout);
     if (!ok)
         terminal_text_print(stderr, "hexad: %s%s\n", e.message,

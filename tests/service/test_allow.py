@@ -9,18 +9,20 @@ import stat
 import subprocess
 import sys
 import tempfile
+import time
 
 import pytest
 
 from service import PATIENCE_S, wait_until
 
 # An external program. It shows properties of units from files. It logs other arguments, and fails with a message if the
-# file `fails` has the first one as a line.
+# file `fails` has the first one as a line. A start sets the time since which the socket has been active.
 SYSTEMCTL = """#!/bin/sh
 cd "$(dirname "$0")"
 [ "$1" != show ] || exec cat "$4"
 echo "$@" >>calls
 ! grep -qsx -e "$1" fails || { echo "Failed to $1: the bus is away" >&2; exit 1; }
+[ "$1" != start ] || date +@%s >ActiveEnterTimestamp
 """
 BOTH = ["try-reload-or-restart hexad.service", "daemon-reload"]
 HERE = pwd.getpwuid(os.geteuid()).pw_name
@@ -310,9 +312,11 @@ def test_open_port_serves_the_page_with_a_first_token(host, source):
     assert all(f"systemctl {words}\n" in example for words in OPEN_PORT)
     assert "open http://127.0.0.1:8642/ in a browser of this machine" in shown
     drop_in.write_text(example.replace("8642", "9000"))  # an administrator's own
-    again = host.expect("--token_file", tokens, "--open-port", OTHER)
-    assert "exists already" in again and "8642" not in again and "9000" in drop_in.read_text()
-    assert host.calls() == OPEN_PORT[-1:] and "open http://127.0.0.1:9000/ in a browser" in again
+    for later, calls in ((0, OPEN_PORT[-1:]), (10, OPEN_PORT)):  # as old as the socket; systemd has not opened its port
+        os.utime(drop_in, (drop_in.stat().st_mtime + later,) * 2)
+        again = host.expect("--token_file", tokens, "--open-port", OTHER)
+        assert "exists already" in again and "8642" not in again and "9000" in drop_in.read_text()
+        assert host.calls() == calls and "open http://127.0.0.1:9000/ in a browser" in again
     assert users_of(tokens) == [HERE, OTHER]
 
 
@@ -339,6 +343,31 @@ def test_open_port_names_a_command_that_fails(host):
     done = host.hexad("--token_file", host.root / "tokens", "--open-port", HERE)
     assert done.returncode == 1 and "`systemctl start hexad.socket hexad.service` failed" in done.stderr, done.stderr
     assert "`systemctl reset-failed hexad.service hexad.socket`" in done.stderr and host.calls() == OPEN_PORT
+
+
+@pytest.mark.parametrize("fails", ["daemon-reload", "stop", "start"])
+def test_open_port_after_a_failed_run_opens_the_port(host, fails):
+    """systemd has not read the drop-in of the first run, or has not opened its port."""
+    words = ("--token_file", host.root / "tokens", "--open-port", HERE)
+    (host.root / "bin/ActiveEnterTimestamp").write_text(f"@{int(time.time()) - 10}\n")  # of the socket without the port
+    (host.root / "bin/fails").write_text("".join(f"{verb}\n" for verb in (fails, "start")))
+    assert host.hexad(*words).returncode == 1 and host.calls() == OPEN_PORT
+    (host.root / "bin/fails").unlink()
+    host.expect(*words)
+    assert host.calls() == OPEN_PORT
+    host.expect(*words)
+    assert host.calls() == OPEN_PORT[-1:]
+
+
+def test_open_port_makes_systemd_read_a_drop_in_that_it_has_not_read(host):
+    """The reload failed, and the start did not."""
+    words = ("--token_file", host.root / "tokens", "--open-port", HERE)
+    (host.root / "bin/fails").write_text("daemon-reload\n")
+    (host.root / "bin/NeedDaemonReload").write_text("yes\n")
+    assert host.hexad(*words).returncode == 1 and host.calls() == OPEN_PORT
+    (host.root / "bin/fails").unlink()
+    host.expect(*words)
+    assert host.calls() == OPEN_PORT
 
 
 @pytest.mark.parametrize("systemd", ["has no unit", "does not answer"])
