@@ -296,13 +296,13 @@ static bool has_only_ports(void)
     return only;
 }
 
-/* Makes the service read the settings, and systemd the drop-in. If one command fails, the other is still
+/* Makes the service read the settings, and systemd a drop-in that it has not read. If one command fails, the other is still
  * run. */
-static bool reload_both(const change *w, bool drop_in_changed, error *e)
+static bool reload_both(const change *w, bool unread, error *e)
 {
     char *failed = mem_strdup("");
     systemd_units_obey("try-reload-or-restart hexad.service", &failed);
-    if (drop_in_changed) systemd_units_obey("daemon-reload", &failed);
+    if (unread) systemd_units_obey("daemon-reload", &failed);
     bool ok = !*failed;
     if (!ok && access(BOOTED, F_OK) != 0)
         error_set(e, ERROR_INTERNAL,
@@ -378,8 +378,9 @@ static void end(change *w)
 /* Changes the drop-in and the mode of the existing socket, and makes systemd and the service apply them. */
 static bool change_units(const change *w, error *e)
 {
-    bool ours = has_drop_in(w), set = change_socket(w, e);
-    return reload_both(w, w->allow || ours != has_drop_in(w), set ? e : NULL) && set;
+    bool ours = has_drop_in(w), set = change_socket(w, e),
+         unread = w->allow || ours != has_drop_in(w) || systemd_units_are_unread();
+    return reload_both(w, unread, set ? e : NULL) && set;
 }
 
 /* The first directory of the socket's path that the admitted user cannot search, which the caller frees;

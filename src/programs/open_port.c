@@ -46,12 +46,10 @@ static bool write_drop_in(const char *directory, const char *path, bool *written
 static bool is_pending(const char *path)
 {
     struct stat info;
-    char *unread = systemd_units_show("show --value --property NeedDaemonReload hexad.socket");
     char *since =
         systemd_units_show("show --value --property ActiveEnterTimestamp --timestamp=unix hexad.socket");
     const long long since_s = *since == '@' ? atoll(since + 1) : 0; /* "@" and seconds */
-    const bool pending = strncmp(unread, "yes", 3) == 0 || stat(path, &info) != 0 || info.st_mtime > since_s;
-    free(unread);
+    const bool pending = systemd_units_are_unread() || stat(path, &info) != 0 || info.st_mtime > since_s;
     free(since);
     return pending;
 }

@@ -34,6 +34,14 @@ char *systemd_units_show(const char *words)
     return text;
 }
 
+bool systemd_units_are_unread(void)
+{
+    char *text = systemd_units_show("show --value --property NeedDaemonReload hexad.socket");
+    const bool are_unread = strncmp(text, "yes", 3) == 0;
+    free(text);
+    return are_unread;
+}
+
 void systemd_units_obey(const char *words, char **failed)
 {
     bool ok;

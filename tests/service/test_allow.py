@@ -289,6 +289,18 @@ def test_a_failing_systemctl_is_named_and_the_other_command_runs(host, verbs):
     host.expect("--allow", HERE)
 
 
+def test_deny_again_makes_systemd_notice_the_end_of_a_drop_in(host):
+    """The reload of the run that removed it failed."""
+    host.expect("--allow", HERE)
+    (host.root / "bin/fails").write_text("daemon-reload\n")
+    assert host.hexad("--deny", HERE).returncode == 1 and not host.drop_in.exists()
+    (host.root / "bin/fails").unlink()
+    (host.root / "bin/NeedDaemonReload").write_text("yes\n")
+    host.calls()
+    host.expect("--deny", HERE)
+    assert host.calls() == BOTH
+
+
 OPEN_PORT = ["daemon-reload", "stop hexad.service hexad.socket", "start hexad.socket hexad.service"]
 OTHER = "daemon"  # a user of every Debian
 
