@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* submit_command: the commands submit, validate, estimate, upload and inspect of hexadctl. */
 #include <errno.h>
+#include <fcntl.h>
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -362,7 +363,8 @@ int command_open_file(const char *path, FILE **file, char hex[STORE_HASH_SIZE], 
     error e = {0};
     struct stat info;
     int code = COMMAND_USAGE;
-    FILE *opened = fopen(path, "rb");
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* does not wait for the writer of a pipe */
+    FILE *opened = fd >= 0 ? fdopen(fd, "rb") : NULL;
     if (!opened)
         print_failure("cannot read %s: %s. Check the path.", path, strerror(errno));
     else if (fstat(fileno(opened), &info) != 0 || !S_ISREG(info.st_mode))

@@ -259,7 +259,8 @@ bool store_output_try(const store_outputs *outputs, int directory, const char *p
 {
     int fd = openat(directory, ".", O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
     const bool named = fd < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL);
-    if (named) fd = openat(directory, TRIED_NAME, O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
+    if (named) /* another user may have put a pipe there */
+        fd = openat(directory, TRIED_NAME, O_WRONLY | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0600);
     if (fd < 0) return fail_below(outputs, e, "cannot be written", path);
     close(fd);
     /* another check may have removed it */

@@ -683,3 +683,11 @@ def test_spec_help_of_a_member(build):
         done = spec_help(word)
         assert done.returncode == 2 and not done.stdout
         assert done.stderr == f"hexad-worker: unknown member {word}{told}\n"
+
+
+@pytest.mark.parametrize("command", ["upload", "sample"])
+def test_a_fifo_is_not_a_file_that_can_be_sent(run, tmp_path, command):
+    """No process writes into it, so that an open of it would wait."""
+    os.mkfifo(tmp_path / "pipe.obj")
+    done = run(command, "pipe.obj")
+    assert done.returncode == 2 and "pipe.obj is not a regular file: give the path of a file" in done.stderr, done.stderr

@@ -427,6 +427,7 @@ WRONG_SETTINGS = {  # names of settings and values -> the message; {root}: an ex
                                  "webhook_secret_file: cannot read {root}/none: No such file or directory"),
     "a secret that is too short": ({"webhook_hosts": "example.org", "webhook_secret_file": "{root}/file"},
                                    "webhook_secret_file {root}/file: the secret must have"),
+    "a secret that is a pipe": ({"webhook_hosts": "example.org", "webhook_secret_file": "{root}/pipe"}, "{root}/pipe is not a regular file"),
     "a host of webhooks that is none": ({"webhook_hosts": "a b"}, "webhook_hosts: "),
     "an engine that is none": ({"engine": "pbs"}, "engine: must be local or slurm"),
     "slurm without work_dir": ({"engine": "slurm"}, "engine = slurm requires work_dir"),
@@ -464,6 +465,7 @@ def test_a_check_of_settings_and_a_start_agree(build, tmp_path, name):
     (tmp_path / "file").chmod(0o600)
     (tmp_path / "open").touch(mode=0o644)
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    os.mkfifo(tmp_path / "pipe")
     settings = {"state_dir": "{root}/state", **settings}
     file = tmp_path / "hexad.conf"
     file.write_text("".join(f"{key} = {value.format(root=tmp_path)}\n" for key, value in settings.items()))

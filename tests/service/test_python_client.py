@@ -4,6 +4,7 @@ import ast
 import doctest
 import hashlib
 import importlib
+import os
 import pathlib
 import re
 import shutil
@@ -165,6 +166,15 @@ f 3 4 8 7
 f 1 3 7 5
 f 2 6 8 4
 """
+
+
+def test_a_fifo_cannot_be_sent(client, tmp_path):
+    """No process writes into it, so that an open of it would wait."""
+    os.mkfifo(tmp_path / "pipe.obj")
+    with pytest.raises(OSError, match="is not a regular file: give the path of a file"):
+        client.upload(tmp_path / "pipe.obj")
+    with pytest.raises(FileNotFoundError):
+        client.upload(tmp_path / "none.obj")
 
 
 @pytest.mark.sanitized

@@ -14,11 +14,27 @@
 #include <sys/inotify.h>
 #include <sys/mount.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/core/memory.h"
 #include "files/file.h"
 #include "files/output.h"
+
+static bool has_no_unnamed_files; /* as on a network file system */
+
+/* Replaces the function of the C library. */
+int openat(int directory, const char *name, int flags, ...)
+{
+    va_list arguments;
+    va_start(arguments, flags);
+    const bool is_unnamed = (flags & O_TMPFILE) == O_TMPFILE;
+    const mode_t mode = flags & O_CREAT || is_unnamed ? va_arg(arguments, mode_t) : 0;
+    va_end(arguments);
+    if (!is_unnamed || !has_no_unnamed_files) return (int)syscall(SYS_openat, directory, name, flags, mode);
+    errno = EOPNOTSUPP;
+    return -1;
+}
 
 typedef struct place {
     char base[64];
@@ -330,6 +346,24 @@ static void test_a_check_of_a_directory_makes_no_named_file(void **state)
     close(directory);
 }
 
+/* Another user has put a pipe in the place of the tried file: an open would wait for a process that reads it. */
+static void test_a_check_of_a_directory_does_not_wait_for_a_pipe(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    char *pipe = mem_printf("%s/.probe.hexad-tmp", p->root);
+    int directory = store_output_open_root(p->root, &e);
+    assert_true(directory >= 0);
+    has_no_unnamed_files = true;
+    assert_true(store_output_try(NULL, directory, p->root, &e));
+    assert_int_equal(mkfifo(pipe, 0666), 0);
+    assert_false(store_output_try(NULL, directory, p->root, &e));
+    has_no_unnamed_files = false;
+    assert_non_null(strstr(e.message, "cannot be written"));
+    close(directory);
+    free(pipe);
+}
+
 static void test_files_of_an_interrupted_copy_are_removed(void **state)
 {
     place *p = *state;
@@ -372,6 +406,8 @@ int main(void)
         cmocka_unit_test(test_a_directory_that_cannot_be_written),
         cmocka_unit_test_setup_teardown(test_a_read_only_directory_names_its_root, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_check_of_a_directory_makes_no_named_file, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_check_of_a_directory_does_not_wait_for_a_pipe, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_files_of_an_interrupted_copy_are_removed, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);

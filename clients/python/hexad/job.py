@@ -35,6 +35,8 @@ class Result:
 
 
 def hash_file(path: pathlib.Path) -> str:
+    if path.exists() and not path.is_file():  # an open of a pipe would wait
+        raise OSError(f"{path} is not a regular file: give the path of a file")
     digest = hashlib.sha256()
     with open(path, "rb") as file:
         for chunk in iter(lambda: file.read(CHUNK), b""):

@@ -99,7 +99,7 @@ static uint8_t *take_key(char *text, size_t *length, error *e)
 static uint8_t *read_key(const char *path, size_t *key_length, error *e)
 {
     size_t length = 0;
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* it may be a pipe */
     if (fd < 0) {
         const int fault = errno;
         char *why = denial_explain(path, fault, DENIAL_SECRET, ". Correct this setting.");
