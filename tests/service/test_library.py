@@ -208,7 +208,8 @@ TWO = numpy.array([[0, 1, 2], [0, 2, 3]])
     (SQUARE, TWO - 1, "faces[0, 0] is -1"),
     (numpy.full_like(SQUARE, numpy.nan), TWO, "not finite"),
     (SQUARE, TWO[:0], "faces has no rows, and vertices has 4: give the triangles"),
-    (SQUARE[:0], TWO, "faces[0, 0] is 0"),
+    (SQUARE[:0], TWO, "faces[0, 0] is 0, and vertices has no rows"),
+    (SQUARE[:0], (TWO.ravel(), numpy.array([3, 3])), "faces[0] is 0, and vertices has no rows"),
     (SQUARE, (TWO.ravel(), numpy.array([3, 4])), "counts[1] is 4"),
     (SQUARE, (TWO.ravel(), numpy.array([3, -1])), "counts[1] is -1"),
     (SQUARE, (TWO.ravel(), numpy.array([3])), "sum of counts is 3"),
@@ -586,6 +587,83 @@ def test_points_outlive_the_call():
 def test_calls_that_are_wrong(call, words):
     with pytest.raises((TypeError, hexad.HexadError), match=words):
         call()
+
+
+class Frame:
+    """As a data frame of pandas with default columns: iteration gives the names of the columns."""
+
+    def __init__(self, table):
+        self.table = numpy.asarray(table)
+
+    def __array__(self, dtype=None):
+        return numpy.array(self.table, dtype)
+
+    def __iter__(self):
+        return iter(range(self.table.shape[1]))
+
+    def __len__(self):
+        return len(self.table)
+
+
+@pytest.mark.parametrize("vertices, faces", [
+    (BALL.vertices.astype(object), BALL.triangles), (BALL.vertices, BALL.triangles.astype(object)), (Frame(BALL.vertices), Frame(BALL.triangles)),
+    (Frame(BALL.vertices.astype(object)), Frame(BALL.triangles.astype(object))), (BALL.vertices, numpy.fromiter(([*t] for t in BALL.triangles), object)),
+    (numpy.ma.masked_array(BALL.vertices, mask=False), BALL.triangles),
+])
+def test_meshes_in_tables_of_objects_and_in_data_frames(vertices, faces):
+    assert hexad.sample(vertices, faces, count=300).positions.tobytes() == hexad.sample(*solid(BALL), count=300).positions.tobytes()
+
+
+def test_polygons_in_an_array_of_objects():
+    faces = numpy.empty(len(HOUSE[1]), object)
+    faces[:] = [numpy.array(face) for face in HOUSE[1]]
+    assert hexad.sample(HOUSE[0], faces, count=300).positions.tobytes() == hexad.sample(*HOUSE, count=300).positions.tobytes()
+
+
+def masked(values, at=(0, 0)):
+    mask = numpy.zeros(numpy.shape(values), bool)
+    mask[at] = True
+    return numpy.ma.masked_array(values, mask=mask)
+
+
+BLOCK = density()
+
+
+@pytest.mark.parametrize("call, words", [
+    (lambda: hexad.sample(masked(BALL.vertices), BALL.triangles, count=100), "vertices has 1 masked elements"),
+    (lambda: hexad.sample([*BALL.vertices[1:], masked(BALL.vertices[0], 0)], BALL.triangles, count=100), "vertices has 1 masked"),
+    (lambda: hexad.sample(BALL.vertices, masked(BALL.triangles), count=100), "faces has 1 masked"),
+    (lambda: hexad.sample((QUADS[0], numpy.ravel(QUADS[1]), masked([4] * 6, 2)), count=100), "counts has 1 masked"),
+    (lambda: hexad.sample(*solid(BALL), count=100, points=masked(ON_BALL)), "points has 1 masked"),
+    (lambda: hexad.sample(BLOCK, isovalue=0, affine=masked(numpy.eye(4)), count=100), "affine has 1 masked"),
+    (lambda: hexad.sample({"surface": {"labels": {"path": masked(Balls(20).labels, 0)}}, "sampling": {"count": 100}}), "values has 400 masked"),
+    (lambda: hexad.sample(*solid(BALL), count=100, region={"min": masked([-2, -2, -2], 0), "max": [2, 2, 2]}), "/region/min has masked"),
+    (lambda: hexad.sample(BLOCK, isovalue=numpy.ma.masked, count=100), "/surface/volume/isovalue has masked"),
+    (lambda: hexad.sample(*solid(BALL), spacing=float("nan")), "/sampling/spacing is nan: give a finite number"),
+    (lambda: hexad.sample(*solid(BALL), spacing=numpy.float32("inf")), "/sampling/spacing is inf"),
+    (lambda: hexad.sample(*solid(BALL), count=100, region={"min": numpy.array([0, numpy.nan, 0]), "max": [1, 1, 1]}), "/region/min/1 is nan"),
+    (lambda: hexad.sample({**formula(), "solver": {"step_tolerance": -numpy.inf}}), "/solver/step_tolerance is -inf"),
+    (lambda: hexad.sample(BALL.vertices, numpy.array([[0, 1, None]]), count=100), "faces has the type object"),
+    (lambda: hexad.sample("scan.mgz", isovalue=0, count=100), "/surface/volume/path: cannot read"),
+    (lambda: hexad.sample("scan.IMG.gz"), "a volume requires isovalue"),
+])
+def test_values_that_are_missing_are_refused_by_name(call, words):
+    with pytest.raises((TypeError, hexad.HexadError), match=words):
+        call()
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8", "i2"])
+def test_masked_values_of_a_volume_are_not_data(kind):
+    """A distance within a mask, and a value beyond it as netCDF4 and rasterio give it."""
+    i, j, k = numpy.indices((30, 28, 26))
+    d = 6 - numpy.sqrt((i - 10.) ** 2 + (j - 12.) ** 2 + (k - 14.) ** 2)
+    values = numpy.ma.masked_array(numpy.where(d < -4, 30000, 100 * d).astype(kind), mask=d < -4)
+    with pytest.warns(hexad.SurfaceWarning, match="not finite"):
+        points = hexad.sample(values, isovalue=0, count=900)
+    assert abs(numpy.linalg.norm(points.positions - [10, 12, 14], axis=1) - 6).max() < 0.1
+    with pytest.warns(hexad.SurfaceWarning, match="not finite"):
+        same = hexad.sample({"surface": {"volume": {"path": (values, None), "isovalue": 0}}, "sampling": {"count": 900}})
+    assert same.positions.tobytes() == points.positions.tobytes()
 
 
 def test_points_are_a_mapping_of_their_properties():

@@ -158,13 +158,20 @@ static void meshes_that_are_not_read_are_refused_with_advice(void **state)
 
 /* ---- pages */
 
-static char *read_page(const char *name)
+static char *read_source(const char *name)
 {
     const char *source = getenv("HEXAD_SOURCE");
-    char *path = mem_printf("%s/doc/%s", source ? source : ".", name);
+    char *path = mem_printf("%s/%s", source ? source : ".", name);
     size_t length;
     char *text = store_file_read(path, 1 << 20, &length, NULL);
     if (!text) fail_msg("cannot read %s", path);
+    free(path);
+    return text;
+}
+
+static char *read_page(const char *name)
+{
+    char *path = mem_printf("doc/%s", name), *text = read_source(path);
     free(path);
     return text;
 }
@@ -290,6 +297,30 @@ static void members_of_the_spec_name_the_formats(void **state)
     }
 }
 
+/* The client in Python chooses the member of `surface` by the ending of a name. A directory of Zarr has one, too. */
+static void python_knows_the_endings_of_volumes(void **state)
+{
+    (void)state;
+    char *text = read_source("clients/python/hexad/sample.py"), *table = strstr(text, "\nVOLUMES = (");
+    assert_non_null(table);
+    *strchr(table, ')') = '\0';
+    size_t expected = 1, quoted = 0;
+    assert_non_null(strstr(table, "\".zarr\""));
+    FOR_EACH(k, row)
+    {
+        const bool is_volume =
+            row->kind == FILE_FORMAT_VOLUMES || (row->reading == FILE_FORMAT_NOT_READ && row->as_volume);
+        for (int n = 0; is_volume && n < FILE_FORMAT_ENDINGS && row->ending[n]; n++, expected++) {
+            char *ending = mem_printf("\"%s\"", row->ending[n]);
+            if (!strstr(table, ending)) fail_msg("sample.py: VOLUMES has no %s", ending);
+            free(ending);
+        }
+    }
+    for (const char *c = table; *c; c++) quoted += *c == '"';
+    assert_int_equal(quoted, 2 * expected);
+    free(text);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -305,6 +336,7 @@ int main(void)
         cmocka_unit_test(page_of_meshes_names_formats_that_are_not_read),
         cmocka_unit_test(page_of_inspections_names_volumes),
         cmocka_unit_test(members_of_the_spec_name_the_formats),
+        cmocka_unit_test(python_knows_the_endings_of_volumes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -83,11 +83,32 @@ def load_numpy() -> Any:
         raise HexadError("a call on arrays requires NumPy: install python3-numpy, or pip install numpy") from None
 
 
+def number_masked(values: Any) -> int:
+    """The number of elements without a value, of an array or of rows, which asarray would give the values below the mask."""
+    numpy = load_numpy()
+    rows = values if isinstance(values, (list, tuple)) else [values]
+    return sum(int(numpy.ma.count_masked(row)) for row in rows if isinstance(row, numpy.ma.MaskedArray))
+
+
+def with_nan(values: Any) -> Any:
+    """Values for a volume, in which those of masked elements are not finite: hexad skips and reports them."""
+    if not number_masked(values):
+        return values
+    numpy = load_numpy()
+    found = numpy.ma.asarray(values)
+    return found.astype(numpy.result_type(found.dtype, numpy.float32)).filled(numpy.nan)
+
+
 def usable(values: Any, what: str) -> Any:
     """An array of a type that the library has; the array itself if it is one. `what`: the name of the argument."""
     numpy = load_numpy()
+    masked = number_masked(values)
+    if masked:
+        raise HexadError(f"{what} has {masked} masked elements: remove them, or give values for them, {what}.filled(...)")
     try:
         found = numpy.asarray(values)
+        if found.dtype.kind == "O":  # numbers of Python, as columns of different types are given
+            found = numpy.array(found.tolist())
     except ValueError:
         raise HexadError(f"{what} has rows of unequal lengths: give an array") from None
     if found.dtype.name in TYPES and found.dtype.isnative:
@@ -142,7 +163,7 @@ class Job:
 
     def add_grid(self, name: str, values: Any, affine: Any = None) -> None:
         error, numpy = Error(), load_numpy()
-        matrix = None if affine is None else numpy.ascontiguousarray(affine, float)
+        matrix = None if affine is None else numpy.ascontiguousarray(usable(affine, "affine"), float)
         if matrix is not None and matrix.shape != (4, 4):
             raise HexadError(f"affine has the shape {matrix.shape}: it must have (4, 4)")
         self.check(self.library.hexad_job_add_grid(self.handle, name.encode(), self.pointer(values, "values"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 import operator
 import os
 import warnings
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping, Sequence, Un
 from . import spec as spec_module
 from .errors import HexadError, JobFailed, OutcomeWarning, SurfaceWarning
 from .job import PathLike, with_version
-from .library import Job, Progress, Run, Runs, load_numpy
+from .library import Job, Progress, Run, Runs, load_numpy, number_masked, with_nan
 from .points import Points
 
 if TYPE_CHECKING:
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Samples", "Sampled", "sample", "sample_many"]
 
-VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".tif", ".tiff", ".zarr", ".ome.zarr")
+VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr", ".img", ".img.gz", ".mha", ".mhd", ".tif", ".tiff", ".btf", ".zarr", ".vti", ".slc",
+           ".vol", ".dcm", ".mgz", ".mgh", ".nc", ".mnc", ".mrc", ".ccp4", ".raw", ".h5", ".hdf5", ".zip")  # also of formats not read
 Properties = Union[str, Sequence[str]]
 SURFACES = {"mesh": "SurfaceMesh", "volume": "SurfaceVolume", "labels": "SurfaceLabels", "vdb": "SurfaceVdb"}
 CONVERGED = "converged"
@@ -131,8 +133,11 @@ def kind_of_file(path: str) -> str:
 def with_counts(faces: Any) -> tuple[Any, Any]:
     """Faces as an array; polygons of several sizes, in a list, as their corners and their counts."""
     numpy = load_numpy()
-    if isinstance(faces, numpy.ndarray):
-        return faces, None
+    if hasattr(faces, "__array__"):  # also a data frame, which iterates over the names of its columns
+        table = faces if isinstance(faces, numpy.ndarray) else numpy.asarray(faces)
+        if table.dtype.kind != "O":
+            return table, None
+        faces = table.tolist()
     try:
         counts = numpy.array([len(face) for face in faces])
         if not counts.size:
@@ -157,9 +162,9 @@ def add_array(job: Job, name: str, place: tuple[str, ...], given: Any) -> None:
     elif isinstance(given, tuple):
         if len(given) != 2:
             raise HexadError(f"{name}: give values or (values, affine)")
-        job.add_grid(name, *given)
+        job.add_grid(name, with_nan(given[0]) if parent == "volume" else given[0], given[1])
     else:
-        job.add_grid(name, given)
+        job.add_grid(name, with_nan(given) if parent == "volume" else given)
 
 
 Found = list[tuple[str, tuple[str, ...], Any]]  # arrays: name, place in the spec, what is given
@@ -179,8 +184,13 @@ def take_arrays(node: Any, place: tuple[str, ...], found: Found, name_of: Callab
         return made
     if isinstance(node, (list, tuple)):
         return [take_arrays(item, (*place, str(k)), found, name_of) for k, item in enumerate(node)]
-    return node.item() if hasattr(node, "item") and getattr(node, "ndim", None) == 0 else \
-        node.tolist() if hasattr(node, "tolist") else node
+    if hasattr(node, "tolist"):
+        if number_masked(node):
+            raise KeywordError(f"{pointer_to(place)} has masked elements: give numbers")
+        return take_arrays(node.tolist(), place, found, name_of)
+    if isinstance(node, float) and not math.isfinite(node):
+        raise KeywordError(f"{pointer_to(place)} is {node}: give a finite number")
+    return node
 
 
 def members_of(kind: str) -> set[str]:
@@ -214,7 +224,7 @@ def surface_of(surface: Any, faces: Any, affine: Any) -> tuple[str, Any]:
     elif faces is not None:
         path = (surface, faces)
     elif dimensions_of(surface) == 3:
-        return "volume", (load_numpy().asarray(surface), affine)
+        return "volume", (surface, affine)
     else:
         raise HexadError(f"{'an array of shape ' + str(load_numpy().shape(surface)) if dimensions_of(surface) else repr(surface)} is no "
                          "surface: give vertices and faces, a volume of three dimensions, the name of a file, or a spec")
@@ -326,7 +336,7 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
     surface: one of
         vertices (V, 3) with `faces` (F, n), or a list of polygons; or (vertices, faces)
         a volume of three dimensions, axes i, j, k, with isovalue=; affine: from indices to space, (4, 4), as nibabel has it; or
-        (values, affine)
+        (values, affine); masked values are no data
         the name of a file, which hexad-worker reads
         a spec, in which each `path` may be an array: (vertices, faces), (values, affine) or values, and rows of points
     seed, threads, region, attributes, mesh: members of the spec; mesh=True: triangles between the points

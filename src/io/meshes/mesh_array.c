@@ -25,6 +25,9 @@ static bool check_index(const mesh_array *a, int64_t index, size_t i, size_t j, 
     if (index >= 0 && (uint64_t)index < a->vertices.size[0]) return true;
     char place[64];
     snprintf(place, sizeof place, a->faces.dimensions > 1 ? "[%zu, %zu]" : "[%zu]", i, j);
+    if (a->vertices.size[0] == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "faces%s is %" PRId64 ", and vertices has no rows: give the vertices", place, index);
     return error_set(e, ERROR_INPUT_DAMAGED,
                      "faces%s is %" PRId64 ", and there are %zu vertices: an index must be from 0 to %zu",
                      place, index, a->vertices.size[0], a->vertices.size[0] - 1);
