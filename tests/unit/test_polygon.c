@@ -158,7 +158,7 @@ static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
         for (int i = 0; i < 3; i++)
             place[k][i] = axis[2][i] + o->at[k][0] * axis[0][i] + o->at[k][1] * axis[1][i];
     }
-    assert_int_equal(polygon_cut((const double(*)[3])place, corner, o->count, out), POLYGON_CUT);
+    assert_int_equal(polygon_cut((const double(*)[3])place, corner, o->count, NULL, out), POLYGON_CUT);
     assert_sides(o->count, (const uint32_t(*)[3])out);
     double sum = 0;
     for (size_t n = 0; n + 2 < o->count; n++) {
@@ -274,7 +274,7 @@ static void straight_corners_give_no_flat_triangles(void **state)
             place[k][1] = 7;
             place[k][2] = o.at[k][0];
         }
-        assert_int_equal(polygon_cut((const double(*)[3])place, corner, o.count, out), POLYGON_CUT);
+        assert_int_equal(polygon_cut((const double(*)[3])place, corner, o.count, NULL, out), POLYGON_CUT);
         for (size_t t = 0; t + 2 < o.count; t++) {
             double across[3];
             triangle_across(place[out[t][0]], place[out[t][1]], place[out[t][2]], across);
@@ -287,7 +287,7 @@ static void assert_quadrangle(const double place[4][3], size_t first)
 {
     static const uint32_t corner[4] = {0, 1, 2, 3};
     uint32_t out[2][3];
-    assert_int_equal(polygon_cut(place, corner, 4, out), POLYGON_CUT);
+    assert_int_equal(polygon_cut(place, corner, 4, NULL, out), POLYGON_CUT);
     assert_int_equal(out[0][0], first);
     assert_int_equal(out[0][2], first + 2);
 }
@@ -327,7 +327,7 @@ static int by_numbers(const void *left, const void *right)
 /* The triangles of a polygon in an order that depends on their corners only. */
 static void cut_and_sort(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
 {
-    assert_int_equal(polygon_cut(place, corner, count, out), POLYGON_CUT);
+    assert_int_equal(polygon_cut(place, corner, count, NULL, out), POLYGON_CUT);
     for (size_t t = 0; t + 2 < count; t++) qsort(out[t], 3, sizeof out[t][0], by_number);
     qsort(out, count - 2, sizeof *out, by_numbers);
 }
@@ -364,9 +364,9 @@ static void crossed_polygons_are_reported(void **state)
                         line[5][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}, {4, 0, 0}};
     static const uint32_t corner[5] = {0, 1, 2, 3, 4};
     uint32_t out[3][3];
-    assert_int_equal(polygon_cut(bow, corner, 4, out), POLYGON_CROSSED);
-    assert_int_equal(polygon_cut(star, corner, 5, out), POLYGON_CROSSED);
-    assert_int_equal(polygon_cut(line, corner, 5, out), POLYGON_CUT);
+    assert_int_equal(polygon_cut(bow, corner, 4, NULL, out), POLYGON_CROSSED);
+    assert_int_equal(polygon_cut(star, corner, 5, NULL, out), POLYGON_CROSSED);
+    assert_int_equal(polygon_cut(line, corner, 5, NULL, out), POLYGON_CUT);
 }
 
 /* 100 000 corners on a wave and on a comb do not take quadratic time. */
@@ -390,7 +390,7 @@ static void large_polygons_are_cut(void **state)
             const double *a = place[k], *b = place[(k + 1) % COUNT];
             wanted += (a[0] * b[1] - a[1] * b[0]) / 2;
         }
-        assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, out), POLYGON_CUT);
+        assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, NULL, out), POLYGON_CUT);
         for (size_t n = 0; n + 2 < COUNT; n++) {
             double across[3];
             triangle_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
@@ -399,6 +399,36 @@ static void large_polygons_are_cut(void **state)
         assert_true(fabs(sum - wanted) <= 1e-9 * wanted);
     }
     free(place);
+    free(corner);
+    free(out);
+}
+
+/* Corners at six places, over and over: cut without a search for ears that do not exist, within the limit of the work. */
+static void polygons_with_repeated_corners_are_cut(void **state)
+{
+    (void)state;
+    enum { COUNT = 24000, PLACES = 6 };
+    double place[PLACES][3] = {{0}};
+    uint32_t *corner = malloc(COUNT * sizeof *corner), (*out)[3] = malloc(COUNT * sizeof *out);
+    assert_true(corner && out);
+    print_message("# seed %d\n", SEED);
+    rng r = rng_seed(SEED, 6);
+    for (int k = 0; k < PLACES; k++) {
+        place[k][0] = cos(M_PI * k / 3);
+        place[k][1] = sin(M_PI * k / 3);
+    }
+    for (uint32_t k = 0; k < COUNT; k++) corner[k] = (uint32_t)(PLACES * rng_uniform(&r));
+    assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, NULL, out), POLYGON_CROSSED);
+    for (size_t n = 0; n + 2 < COUNT; n++)
+        for (int k = 0; k < 3; k++) assert_true(out[n][k] < PLACES);
+    /* a path forth and back has no area */
+    for (uint32_t k = 0; k < COUNT; k++) corner[k] = k / PLACES % 2 ? PLACES - 1 - k % PLACES : k % PLACES;
+    assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, NULL, out), POLYGON_CUT);
+    for (size_t n = 0; n + 2 < COUNT; n++)
+        assert_true(out[n][0] == out[n][1] || out[n][1] == out[n][2] || out[n][2] == out[n][0]);
+    const sig_atomic_t stop = 1;
+    for (uint32_t k = 0; k < COUNT; k++) corner[k] = (uint32_t)(PLACES * rng_uniform(&r));
+    assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, &stop, out), POLYGON_STOPPED);
     free(corner);
     free(out);
 }
@@ -413,6 +443,7 @@ int main(void)
         cmocka_unit_test(copies_of_a_polygon_are_cut_in_the_same_way),
         cmocka_unit_test(crossed_polygons_are_reported),
         cmocka_unit_test(large_polygons_are_cut),
+        cmocka_unit_test(polygons_with_repeated_corners_are_cut),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,6 +10,7 @@
 #define HEXAD_IO_MESHES_PLAIN_MESH_H
 
 #include <stdarg.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -34,6 +35,7 @@ typedef struct plain_mesh {
     uint32_t (*triangle)[3];
     uint32_t *corner;                               /* scratch: corners of the polygon that is being read */
     size_t vertex_room, triangle_room, corner_room; /* capacities, in entries */
+    const volatile sig_atomic_t *stop;              /* as in array_view; of files: NULL */
     error_code refused;                             /* ERROR_NONE: the file is not refused */
     char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
     /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has

@@ -103,7 +103,8 @@ static size_t copy_distinct(const plain_mesh *m, const uint32_t *corner, size_t 
 static bool cut_distinct(plain_mesh *m, const uint32_t *corner, size_t corners)
 {
     const polygon_result result =
-        polygon_cut((const double(*)[3])m->vertex, corner, corners, m->triangle + m->triangles);
+        polygon_cut((const double(*)[3])m->vertex, corner, corners, m->stop, m->triangle + m->triangles);
+    if (result == POLYGON_STOPPED) return plain_mesh_refuse(m, ERROR_CANCELLED, "stopped");
     if (result != POLYGON_CUT && result != POLYGON_CROSSED)
         return plain_mesh_refuse(
             m, ERROR_INPUT_UNSUPPORTED,

@@ -12,6 +12,9 @@
 
 /* Maximum amount of work: tests of a corner against an ear, plus searched cells. */
 static const uint64_t most_work = (uint64_t)1 << 30;
+/* Maximum amount of work of searches that find no ear: a base, and per corner. Without crossings there is an ear, and
+ * rounding lets a few searches fail. Beyond it the remaining corners are cut off as they come. */
+static const uint64_t most_in_vain = (uint64_t)1 << 18, most_in_vain_per_corner = 256;
 /* Relative tolerance for equal diagonals of a quadrangle: those of a rectangle differ by the rounding of
  * floats. */
 static const double same_length = 1e-6;
@@ -33,9 +36,10 @@ typedef struct cutting {
     uint32_t *cell;         /* per cell: its first reflex corner */
     size_t side;            /* number of cells along each axis */
     double low[2], size[2]; /* lowest corner of the grid; size of a cell */
-    uint64_t work;
-    size_t made;          /* number of triangles */
-    double area, crossed; /* twice the total area of the triangles, and that of the flipped ones */
+    const volatile sig_atomic_t *stop;
+    uint64_t work, in_vain; /* in_vain: of searches that found no ear */
+    size_t made;            /* number of triangles */
+    double area, crossed;   /* twice the total area of the triangles, and that of the flipped ones */
 } cutting;
 
 /* ---- orientation */
@@ -158,6 +162,11 @@ static void make_fan(const uint32_t *corner, size_t count, size_t first, uint32_
     }
 }
 
+static bool is_same(const double a[3], const double b[3])
+{
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
 /* Lexicographic order of coordinates. */
 static bool is_before(const double a[3], const double b[3])
 {
@@ -272,19 +281,28 @@ static double turn_at(const cutting *c, uint32_t tip)
     return orient_corners(c, c->previous[tip], tip, c->next[tip]);
 }
 
+static bool is_stopped(const cutting *c)
+{
+    return c->stop && __atomic_load_n(c->stop, __ATOMIC_RELAXED);
+}
+
 /* Finds the next ear, from corner `from`. If there is none, the polygon crosses itself or the remainder has
- * no area: returns the first corner that does not turn to the right, or `from`. */
+ * no area: returns the first corner that does not turn to the right, or `from`; without a search after too many in
+ * vain. */
 static uint32_t find_ear(cutting *c, uint32_t from, size_t left)
 {
+    const uint64_t before = c->work;
     uint32_t flat = NONE, tip = from;
+    if (c->in_vain > most_in_vain + most_in_vain_per_corner * c->count) return from;
     for (size_t k = 0; k < left; k++, tip = c->next[tip]) {
         const double turn = turn_at(c, tip);
         uint32_t ear[3];
         ear_of(c, tip, ear);
         if (turn > 0 && is_free(c, ear)) return tip;
         if (turn >= 0 && flat == NONE) flat = tip;
-        if (++c->work > most_work) break;
+        if (++c->work > most_work || is_stopped(c)) break;
     }
+    c->in_vain += c->work - before;
     return flat != NONE ? flat : from;
 }
 
@@ -309,11 +327,13 @@ static bool is_spike_at(const cutting *c, const double (*place)[3], double reach
 {
     uint32_t ear[3];
     ear_of(c, tip, ear);
-    return is_spike(place[c->corner[ear[0]]], place[c->corner[tip]], place[c->corner[ear[2]]], reach);
+    const double *before = place[c->corner[ear[0]]], *at = place[c->corner[tip]],
+                 *after = place[c->corner[ear[2]]];
+    return is_same(before, at) || is_same(at, after) || is_spike(before, at, after, reach);
 }
 
 /* Cuts off spikes, before ears are clipped: an ear may contain a spike whose sides cross by rounding, and
- * cutting makes corners reflex. A spike may appear behind another one. Returns one of the remaining
+ * cutting makes corners reflex. A spike, or a side without length, may appear behind another one. Returns one of the remaining
  * corners. */
 static uint32_t clip_spikes(cutting *c, const double (*place)[3], uint32_t (*out)[3])
 {
@@ -334,6 +354,7 @@ static polygon_result clip_ears(cutting *c, uint32_t tip, uint32_t (*out)[3])
 {
     while (c->count - c->made >= 3) {
         tip = find_ear(c, tip, c->count - c->made);
+        if (is_stopped(c)) return POLYGON_STOPPED;
         if (c->work > most_work) return POLYGON_TOO_LARGE;
         tip = c->next[clip(c, tip, out)]; /* skip a corner: avoids many triangles at one corner */
     }
@@ -396,9 +417,9 @@ static bool make_grid(cutting *c, uint32_t tip)
 }
 
 static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corner, size_t count, vec3 normal,
-                                  uint32_t (*out)[3])
+                                  const volatile sig_atomic_t *stop, uint32_t (*out)[3])
 {
-    cutting c = {.corner = corner, .count = count};
+    cutting c = {.corner = corner, .count = count, .stop = stop};
     c.at = malloc(count * sizeof *c.at);
     c.next = malloc(3 * count * sizeof *c.next);
     c.reflex = malloc(count * sizeof *c.reflex);
@@ -420,10 +441,10 @@ static polygon_result cut_by_ears(const double (*place)[3], const uint32_t *corn
 
 /* Cuts a polygon of more than four corners, given from its first corner. */
 static polygon_result cut_in_order(const double (*place)[3], const uint32_t *corner, size_t count,
-                                   uint32_t (*out)[3])
+                                   const volatile sig_atomic_t *stop, uint32_t (*out)[3])
 {
     const vec3 normal = polygon_normal(place, corner, count);
-    if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, out);
+    if (!is_fan(place, corner, count, 0, normal)) return cut_by_ears(place, corner, count, normal, stop, out);
     make_fan(corner, count, 0, out);
     return POLYGON_CUT;
 }
@@ -454,7 +475,8 @@ static void turn_back(uint32_t (*out)[3], size_t count)
         for (int k = 0; k < 3; k++) swap(&out[t][k], &out[count - 1 - t][k]);
 }
 
-polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count, uint32_t (*out)[3])
+polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count,
+                           const volatile sig_atomic_t *stop, uint32_t (*out)[3])
 {
     if (count == 3) {
         make_fan(corner, 3, 0, out);
@@ -464,7 +486,7 @@ polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, siz
     uint32_t few[FEW_CORNERS], *ordered = count <= FEW_CORNERS ? few : malloc(count * sizeof *ordered);
     if (!ordered) return POLYGON_NO_MEMORY;
     const bool is_turned = put_in_order(place, corner, count, ordered);
-    const polygon_result result = cut_in_order(place, ordered, count, out);
+    const polygon_result result = cut_in_order(place, ordered, count, stop, out);
     if (is_turned) turn_back(out, count - 2);
     if (ordered != few) free(ordered);
     return result;

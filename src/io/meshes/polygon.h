@@ -3,16 +3,18 @@
 #ifndef HEXAD_IO_MESHES_POLYGON_H
 #define HEXAD_IO_MESHES_POLYGON_H
 
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 /* POLYGON_CROSSED: the triangles overlap, because the polygon crosses itself. POLYGON_TOO_LARGE: the limit
- * on the work was exceeded. */
+ * on the work was exceeded. POLYGON_STOPPED: *stop was set. */
 typedef enum polygon_result {
     POLYGON_CUT,
     POLYGON_CROSSED,
     POLYGON_TOO_LARGE,
+    POLYGON_STOPPED,
     POLYGON_NO_MEMORY
 } polygon_result;
 
@@ -29,9 +31,10 @@ typedef enum polygon_result {
  * then the least z. Polygons that are not convex: ears are clipped (Meisters 1975) with exact orientations
  * (Shewchuk 1997), each tested against the reflex corners in its box alone, which a grid finds. The work is
  * limited to 2^30 such tests, a few seconds. Polygons of 100 000 corners take a thousandth of that, unless
- * they are constructed to be slow.
+ * they are constructed to be slow. A polygon that crosses itself may have no ear: after a number of searches that grows
+ * with its corners, the remaining ones are cut off as they come. `stop` may be NULL.
  */
 polygon_result polygon_cut(const double (*place)[3], const uint32_t *corner, size_t count,
-                           uint32_t (*out)[3]);
+                           const volatile sig_atomic_t *stop, uint32_t (*out)[3]);
 
 #endif
