@@ -128,6 +128,8 @@ static bool add(hexad_job *job, const char *name, source_array *added, error *e)
     if (source_arrays_find(&job->arrays, name))
         return error_set(e, ERROR_SPEC_INVALID, "the job has an array \"%.200s\": choose another name", name);
     added->name = mem_strdup(name);
+    added->mesh.vertices.stop = added->mesh.faces.stop = added->grid.values.stop = added->points.stop =
+        &job->stop;
     job->arrays.item = mem_resize(job->arrays.item, (job->arrays.count + 1) * sizeof *job->arrays.item);
     job->arrays.item[job->arrays.count++] = *added;
     return true;

@@ -3,6 +3,8 @@
 #ifndef HEXAD_LIBRARY_CALL_H
 #define HEXAD_LIBRARY_CALL_H
 
+#include <signal.h>
+
 #include <hexad.h>
 
 #include "base/core/numeric_state.h"
@@ -20,7 +22,8 @@ struct hexad_job {
     hexad_progress *progress;
     void *progress_context;
     bool has_run;
-    numeric_state host; /* state of the thread that calls, during the call */
+    volatile sig_atomic_t stop; /* see run_options.cancel; accessed atomically */
+    numeric_state host;         /* state of the thread that calls, during the call */
     result_arrays results;
 };
 

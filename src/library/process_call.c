@@ -17,7 +17,6 @@ static const size_t STACK_BYTES = 8 << 20;
 typedef struct hosted {
     const spec *spec;
     run_options options;
-    volatile sig_atomic_t stop; /* see run_options.cancel; accessed atomically */
     error error;
     bool ok;
     pthread_mutex_t lock; /* of the members below */
@@ -96,15 +95,15 @@ static void wait_for_end(hexad_job *job, hosted *h)
         pthread_cond_timedwait(&h->ended, &h->lock, &t);
         if (h->has_ended) break;
         if (seconds_now() >= deadline) {
-            __atomic_store_n(&h->stop, SIGALRM, __ATOMIC_RELAXED);
+            __atomic_store_n(&job->stop, SIGALRM, __ATOMIC_RELAXED);
             deadline = INFINITY;
         }
         const progress_phase phase = h->phase;
         const double fraction = h->fraction;
         pthread_mutex_unlock(&h->lock);
         if (!call_report_progress(job, progress_phase_names[phase], fraction) &&
-            __atomic_load_n(&h->stop, __ATOMIC_RELAXED) == 0)
-            __atomic_store_n(&h->stop, SIGTERM, __ATOMIC_RELAXED);
+            __atomic_load_n(&job->stop, __ATOMIC_RELAXED) == 0)
+            __atomic_store_n(&job->stop, SIGTERM, __ATOMIC_RELAXED);
         pthread_mutex_lock(&h->lock);
     }
     pthread_mutex_unlock(&h->lock);
@@ -121,7 +120,7 @@ bool call_in_process(hexad_job *job, const spec *s, error *e)
                               .memory_mb = CALL_MEMORY_MB,
                               .frame = -1,
                               .progress_fd = -1,
-                              .cancel = &h.stop};
+                              .cancel = &job->stop};
     if (job->progress) h.options.listener = (progress_listener){hear, &h};
     pthread_mutex_init(&h.lock, NULL);
     pthread_condattr_init(&clock);

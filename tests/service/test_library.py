@@ -286,6 +286,28 @@ def test_progress_comes_on_the_calling_thread_and_cancels():
     assert fractions == sorted(fractions) and 0 <= fractions[0] and fractions[-1] <= 1
 
 
+HUGE = numpy.broadcast_to(numpy.float32(1), (3000, 3000, 3000))  # minutes of reading
+MANY = numpy.broadcast_to(BALL.vertices[:1], (10**8, 3))
+
+
+@pytest.mark.parametrize("spec", [
+    {"surface": {"volume": {"path": HUGE, "isovalue": 0}}, "sampling": {"count": 100}},
+    {"surface": {"labels": {"path": HUGE[:1000, :1000, :1000]}}, "sampling": {"count": 100}},
+    {"surface": {"analytic": TORUS}, "sampling": {"count": 100, "grid": {"path": HUGE, "kind": "spacing"}}},
+    mesh((MANY, BALL.triangles)), mesh((BALL.vertices, numpy.broadcast_to(BALL.triangles[:1], (10**8, 3)))),
+    mesh((MANY, QUADS[1])), mesh((BALL.vertices, numpy.broadcast_to(numpy.array([[0, 1, 2, 3]]), (10**8, 4)))),
+    mesh((BALL.vertices, numpy.random.default_rng(SEED).integers(0, len(BALL.vertices), (1, 10**6)))), mesh(solid(BALL), 100, {"points": {"path": MANY, "mode": "avoid", "distance": 0.1}}),
+], ids=["volume", "labels", "map", "vertices", "faces", "vertices of polygons", "polygons", "corners", "points"])
+def test_a_call_is_cancelled_and_limited_while_arrays_are_read(spec):
+    limits = {"memory_mb": 10**6}
+    with pytest.raises(hexad.JobFailed) as found:
+        hexad.sample({**spec, "limits": limits}, progress=lambda *_: True)
+    assert found.value.code == "cancelled"
+    with pytest.raises(hexad.JobFailed) as found:
+        hexad.sample({**spec, "limits": {"timeout_s": 0.1, **limits}})
+    assert found.value.code == "limit_time"
+
+
 def test_an_exception_of_the_progress_function_ends_the_call():
     with pytest.raises(ZeroDivisionError):
         hexad.sample(ENDLESS, progress=lambda *_: 1 / 0)

@@ -11,13 +11,20 @@
 
 static const char what[] = "the mesh";
 
+static bool may_go_on(const array_view *a, error *e)
+{
+    return !array_view_stopped(a) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
 static vec3 *read_vertices(const array_view *a, error *e)
 {
     vec3 *out = mem_array(a->size[0], sizeof *out, what, e);
-    for (size_t i = 0; out && i < a->size[0]; i++)
+    for (size_t i = 0; out && i < a->size[0] && !array_view_stopped(a); i++)
         out[i] =
             vec3_make(array_view_number(a, i, 0), array_view_number(a, i, 1), array_view_number(a, i, 2));
-    return out;
+    if (!out || may_go_on(a, e)) return out;
+    free(out);
+    return NULL;
 }
 
 static bool check_index(const mesh_array *a, int64_t index, size_t i, size_t j, error *e)
@@ -48,7 +55,7 @@ static bool read_triangles(const mesh_array *a, size_t memory_limit, mesh *out, 
     for (size_t i = 0; ok && i < m.triangle_count; i++)
         for (size_t j = 0; ok && j < 3; j++) {
             const int64_t index = array_view_whole(&a->faces, i, j);
-            ok = check_index(a, index, i, j, e);
+            ok = check_index(a, index, i, j, e) && may_go_on(&a->faces, e);
             m.triangle[i][j] = (uint32_t)index;
         }
     ok = ok && mesh_check_vertices(&m, &unused, e);
@@ -61,10 +68,11 @@ static bool read_triangles(const mesh_array *a, size_t memory_limit, mesh *out, 
     return true;
 }
 
-static bool add_vertices(const array_view *a, plain_mesh *to)
+static bool add_vertices(const array_view *a, plain_mesh *to, error *e)
 {
     if (!plain_mesh_expect(to, a->size[0], 0)) return false;
     for (size_t i = 0; i < a->size[0]; i++) {
+        if (!may_go_on(a, e)) return false;
         const double at[3] = {array_view_number(a, i, 0), array_view_number(a, i, 1),
                               array_view_number(a, i, 2)};
         if (!plain_mesh_add_vertex(to, at)) return false;
@@ -95,6 +103,7 @@ static bool add_faces(const mesh_array *a, plain_mesh *to, error *e)
     size_t begin = 0;
     for (size_t i = 0; i < count; i++) {
         size_t corners = a->faces.size[1];
+        if (!may_go_on(&a->faces, e)) return false;
         if (has_counts && !read_count(a, i, a->faces.size[0] - begin, &corners, e)) return false;
         if (!plain_mesh_expect_corners(to, corners)) return false;
         for (size_t j = 0; j < corners; j++) {
@@ -115,8 +124,8 @@ static bool add_faces(const mesh_array *a, plain_mesh *to, error *e)
 static bool read_polygons(const mesh_array *a, bool keeps_polygons, plain_mesh *out, error *e)
 {
     error why = {0};
-    *out = (plain_mesh){.keeps_polygons = keeps_polygons};
-    if (add_vertices(&a->vertices, out) && add_faces(a, out, &why)) return true;
+    *out = (plain_mesh){.keeps_polygons = keeps_polygons, .stop = a->faces.stop};
+    if (add_vertices(&a->vertices, out, &why) && add_faces(a, out, &why)) return true;
     if (out->refused != ERROR_NONE) return error_set(e, out->refused, "%s", out->text);
     if (e) *e = why;
     return false;

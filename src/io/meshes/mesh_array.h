@@ -15,7 +15,7 @@ typedef struct mesh_array {
     array_view counts; /* integers (F): the number of corners of each face; without data: there are none */
 } mesh_array;
 
-/* As mesh_file_read. Errors: input_damaged, input_unsupported, no_surface, limit_memory. */
+/* As mesh_file_read. Errors: input_damaged, input_unsupported, no_surface, limit_memory, cancelled. */
 bool mesh_array_read(const mesh_array *a, size_t memory_limit, mesh *out, mesh_notes *notes, error *e);
 
 /* As mesh_file_read_polygons. */

@@ -26,8 +26,8 @@ static bool next(slices *base, double *values, error *e)
 {
     array_slices *s = (array_slices *)base;
     const array_view *a = &s->grid->values;
-    (void)e;
     for (size_t j = 0; j < a->size[1]; j++) {
+        if (array_view_stopped(a)) return error_set(e, ERROR_CANCELLED, "stopped");
         const char *p = (const char *)a->data + (ptrdiff_t)j * a->stride[1] + (ptrdiff_t)s->at * a->stride[2];
         for (size_t i = 0; i < a->size[0]; i++, p += a->stride[0]) {
             numbers_note_inexact((const unsigned char *)p, a->type, false, base->inexact);

@@ -13,7 +13,7 @@ typedef struct array_grid {
 } array_grid;
 
 /* The caller keeps *grid and its array until it closes the slices. Errors: input_damaged (an axis has fewer than two
- * samples, the matrix is not affine, is not finite or cannot be inverted). */
+ * samples, the matrix is not affine, is not finite or cannot be inverted); of the slices: cancelled. */
 slices *array_slices_open(const array_grid *grid, error *e);
 
 /* The checks of array_slices_open. */

@@ -17,6 +17,7 @@ static const uint32_t NONE = UINT32_MAX;
 
 typedef struct work {
     slices *source;
+    threads *pool; /* for its flag to stop */
     double isovalue;
     double on; /* the isovalue in the type of the file: the nearest float */
     int64_t size[3];
@@ -71,7 +72,7 @@ static void end(work *w)
 
 static void note_values(const work *w, int64_t z, uint8_t *inside, dense_grid_facts *facts)
 {
-    for (int64_t y = 0; y < w->size[1]; y++) {
+    for (int64_t y = 0; y < w->size[1] && !threads_stopped(w->pool); y++) {
         const double *row = w->values + y * w->size[0];
         uint8_t *bits = inside + y * w->stride;
         for (int64_t x = 0; x < w->size[0]; x++) {
@@ -96,7 +97,7 @@ static uint64_t word_at(const uint8_t *bytes)
 /* Marks the blocks that have crossed cells between slices z and z + 1. */
 static void mark_layer(work *w, int64_t z)
 {
-    for (int64_t y = 0; y + 1 < w->size[1]; y++)
+    for (int64_t y = 0; y + 1 < w->size[1] && !threads_stopped(w->pool); y++)
         for (int64_t x = 0; x + 1 < w->size[0]; x += SIDE) {
             uint64_t any = 0, all = ~(uint64_t)0;
             for (int k = 0; k < 8; k++) {
@@ -111,6 +112,11 @@ static void mark_layer(work *w, int64_t z)
         }
 }
 
+static bool may_go_on(const work *w, error *e)
+{
+    return !threads_stopped(w->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
 static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
 {
     *facts = (dense_grid_facts){.lowest = INFINITY, .highest = -INFINITY};
@@ -122,6 +128,7 @@ static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
         if (!w->source->ops->next(w->source, w->values, e)) return false;
         note_values(w, z, w->inside[1], facts);
         if (z > 0) mark_layer(w, z - 1);
+        if (!may_go_on(w, e)) return false;
     }
     return true;
 }
@@ -191,7 +198,7 @@ static float level_of(const work *w, double value)
 static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
 {
     vdb_grid *g = w->grid;
-    for (int64_t x = 0; x < w->size[0]; x += SIDE)
+    for (int64_t x = 0; x < w->size[0] && !threads_stopped(w->pool); x += SIDE)
         for (int64_t y = 0; y < w->size[1]; y += SIDE) {
             uint32_t n = w->number[block_at(w, x / SIDE, y / SIDE, z / SIDE)];
             if (n == NONE) continue;
@@ -214,6 +221,7 @@ static bool fill_leaves(work *w, const dense_grid_facts *facts, error *e)
     for (int64_t z = 0; z < w->size[2]; z++) {
         if (!w->source->ops->next(w->source, w->values, e)) return false;
         keep_slice(w, z, facts);
+        if (!may_go_on(w, e)) return false;
     }
     return true;
 }
@@ -244,7 +252,7 @@ static bool extrapolate(const work *w, const int64_t at[3], double *value)
 static void continue_leaves(work *w, const dense_grid_facts *facts)
 {
     vdb_grid *g = w->grid;
-    for (size_t n = 0; n < g->leaf_count; n++)
+    for (size_t n = 0; n < g->leaf_count && !threads_stopped(w->pool); n++)
         for (int k = 0; k < VDB_LEAF_VOXELS; k++) {
             if (g->leaf_active[n * SIDE + (size_t)(k >> 6)] >> (k & 63) & 1) continue;
             const int32_t *origin = g->leaf_origin[n];
@@ -269,9 +277,11 @@ static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *
                      w->isovalue, facts->lowest, facts->highest);
 }
 
-vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e)
+vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, threads *pool,
+                          dense_grid_facts *facts, error *e)
 {
-    work w = {.source = s, .isovalue = isovalue, .on = s->fine ? isovalue : (double)(float)isovalue};
+    work w = {
+        .source = s, .pool = pool, .isovalue = isovalue, .on = s->fine ? isovalue : (double)(float)isovalue};
     memcpy(w.size, s->size, sizeof w.size);
     size_t leaves = 0;
     bool ok = begin(&w, memory_limit, e) && find_blocks(&w, facts, e);
@@ -282,6 +292,7 @@ vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense
         continue_leaves(&w, facts);
         w.grid->background = level_of(&w, facts->lowest);
     }
+    ok = ok && may_go_on(&w, e);
     end(&w);
     if (ok) return w.grid;
     vdb_grid_free(w.grid);

@@ -9,6 +9,7 @@
 #ifndef HEXAD_SURFACE_VOLUME_DENSE_GRID_H
 #define HEXAD_SURFACE_VOLUME_DENSE_GRID_H
 
+#include "base/core/threads.h"
 #include "io/volumes/slices.h"
 #include "io/vdb/vdb.h"
 
@@ -26,7 +27,8 @@ typedef struct dense_grid_facts {
 /* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is
  * inside). Its values are those of the file minus the isovalue, subtracted before the conversion to floats
  * (vdb_grid.zero). `memory_limit` bounds the grid and what is made from it, bytes. The caller frees the grid.
- * Errors: those of the slices, no_surface, limit_memory. */
-vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e);
+ * Errors: those of the slices, no_surface, limit_memory; cancelled, if the pool is stopped. */
+vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, threads *pool,
+                          dense_grid_facts *facts, error *e);
 
 #endif

@@ -102,13 +102,18 @@ map *map_of_array(const array_grid *grid, error *e)
     double to_world[3][4];
     if (!array_grid_check(grid, e)) return NULL;
     for (size_t i = 0; i < size[0]; i++)
-        for (size_t j = 0; j < size[1]; j++)
+        for (size_t j = 0; j < size[1]; j++) {
+            if (array_view_stopped(&grid->values)) {
+                error_set(e, ERROR_CANCELLED, "stopped");
+                return NULL;
+            }
             for (size_t k = 0; k < size[2]; k++)
                 if (!isfinite(element(grid, i, j, k))) {
                     error_set(e, ERROR_INPUT_DAMAGED, "values[%zu, %zu, %zu] is not finite: replace it", i, j,
                               k);
                     return NULL;
                 }
+        }
     map *m = mem_alloc(sizeof *m);
     m->array = grid;
     for (int i = 0; i < 12; i++) to_world[i / 4][i % 4] = grid->index_to_world[i];

@@ -842,7 +842,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     memcpy(v->info.size, r->source->size, sizeof v->info.size);
     memcpy(v->info.format, r->source->format, sizeof v->info.format);
     memcpy(v->info.space, r->source->space, sizeof v->info.space);
-    l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
+    l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, r->pool, &l->facts, e);
     if (!l->grid) return false;
     v->info.two_values = has_two_values(l->grid, facts);
     v->info.active_voxels = l->grid->active_voxels;
