@@ -111,7 +111,7 @@ bool frame_values_open(const json *document, frame_values *w)
     json_at root = json_root(document), queue = json_member(&root, "queue"),
             list = json_member(&queue, "by_frame");
     const char *frames = json_string(json_member(&queue, "frames"), NULL);
-    *w = (frame_values){0};
+    *w = (frame_values){.document = document};
     if (json_type_of(list) != JSON_OBJECT || !frames ||
         (double)json_size(list) > spec_row_find("/queue", "by_frame")->high ||
         !(w->frame = frames_parse(frames, &w->frame_count, NULL)))
@@ -214,13 +214,36 @@ json *frame_values_document(const frame_values *w, size_t index, const json *doc
     return copy;
 }
 
-/* The member with values by frame at or above the place of a fault; NULL: there is none. */
-static const frame_values_member *member_of(const frame_values *w, const char *pointer)
+/* Whether a pointer is the first n bytes of another one, or lies below. */
+static bool is_within(const char *pointer, const char *other, size_t n)
 {
+    return strncmp(pointer, other, n) == 0 && (!pointer[n] || pointer[n] == '/');
+}
+
+/* The length of the pointer of the highest object that the document lacks above a member, and that its values
+ * therefore add; 0: it lacks none. */
+static size_t find_added(const frame_values *w, const char *pointer)
+{
+    for (const char *end = strchr(pointer + 1, '/'); end; end = strchr(end + 1, '/')) {
+        char *object = mem_strndup(pointer, (size_t)(end - pointer));
+        const bool found = json_find((json *)w->document, object);
+        free(object);
+        if (!found) return (size_t)(end - pointer);
+    }
+    return 0;
+}
+
+/* The member with values by frame at or above the place of a fault, or that adds an object there (*adds). NULL: there is
+ * none. */
+static const frame_values_member *member_of(const frame_values *w, const char *pointer, bool *adds)
+{
+    *adds = false;
+    for (size_t i = 0; i < w->count; i++)
+        if (is_within(pointer, w->member[i].pointer, strlen(w->member[i].pointer))) return &w->member[i];
+    *adds = true;
     for (size_t i = 0; i < w->count; i++) {
-        size_t n = strlen(w->member[i].pointer);
-        if (strncmp(pointer, w->member[i].pointer, n) == 0 && (!pointer[n] || pointer[n] == '/'))
-            return &w->member[i];
+        const size_t n = find_added(w, w->member[i].pointer);
+        if (n && is_within(pointer, w->member[i].pointer, n)) return &w->member[i];
     }
     return NULL;
 }
@@ -229,14 +252,19 @@ void frame_values_place_faults(const frame_values *w, size_t index, bool all, sp
 {
     for (size_t i = 0; i < faults->count; i++) {
         spec_fault *fault = &faults->item[i];
-        const frame_values_member *m = member_of(w, fault->pointer);
+        bool adds;
+        const frame_values_member *m = member_of(w, fault->pointer, &adds);
         char detail[sizeof fault->detail];
+        if (m && adds) {
+            snprintf(detail, sizeof detail, "%s: %s", fault->pointer, fault->detail);
+            memcpy(fault->detail, detail, sizeof detail);
+        }
         if (m) {
             json_at queue = {NULL, &(json_at){0}, "queue", 0}, list = {NULL, &queue, "by_frame", 0},
                     member = {NULL, &list, m->pointer, 0}, value = {NULL, &member, NULL, index};
-            json_pointer(m->values ? &value : &member, fault->pointer, sizeof fault->pointer);
+            json_pointer(m->values && !adds ? &value : &member, fault->pointer, sizeof fault->pointer);
         }
-        if (!m && !all) continue;
+        if (adds && !all) continue;
         snprintf(detail, sizeof detail, "frame %d: %s", w->frame[index], fault->detail);
         memcpy(fault->detail, detail, sizeof detail);
     }

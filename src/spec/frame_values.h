@@ -21,6 +21,7 @@ typedef struct frame_values_member {
 } frame_values_member;
 
 typedef struct frame_values {
+    const json *document;
     frame_values_member *member;
     size_t count;
     int *frame;
@@ -55,8 +56,9 @@ const char *frame_values_apply(const frame_values *w, size_t index, json *docume
  * to this frame. */
 json *frame_values_document(const frame_values *w, size_t index, const json *document);
 
-/* Moves faults at members with values by frame to the place of the value in queue.by_frame. `all`: the
- * number of the frame is added to all other faults. */
+/* Moves faults at members with values by frame to the place of the value in queue.by_frame, and faults in an object
+ * that only such a value adds to the place of that member. `all`: the number of the frame is added to all other
+ * faults. */
 void frame_values_place_faults(const frame_values *w, size_t index, bool all, spec_faults *faults);
 
 #endif

@@ -1202,6 +1202,58 @@ static void test_faults_of_values_by_frame(void **state)
                  "/queue/by_frame", "requires queue.frames");
 }
 
+/* Faults in objects that only values by frame make are at these values: no other place is in the spec. */
+static void test_faults_of_objects_that_values_by_frame_add(void **state)
+{
+    (void)state;
+#define WITH(surface, values)                                              \
+    "{\"version\":1,\"surface\":" surface ",\"sampling\":{\"count\":100}," \
+    "\"queue\":{\"frames\":\"10-14x2\",\"by_frame\":" values "}}"
+    expect_fault(WITH("{}", "{\"/surface/analytic/radius\":[1,2,3]}"), ERROR_SPEC_INVALID, AT_RADIUS,
+                 "/surface/analytic/shape: is required");
+    expect_fault(WITH("{}", "{\"/surface/anlytic/radius\":[1,2,3]}"), ERROR_SPEC_INVALID,
+                 "/queue/by_frame/~1surface~1anlytic~1radius", "/surface/anlytic: ");
+    expect_fault(BY_FRAME("{\"/region/min\":[[0,0,0],[0,0,1],[0,0,2]]}"), ERROR_SPEC_INVALID,
+                 "/queue/by_frame/~1region~1min", "/region/max: is required");
+#undef WITH
+}
+
+/* For each member of the table. */
+static void test_faults_of_values_by_frame_are_at_places_of_the_spec(void **state)
+{
+    static const char *const groups[] = {"/surface/", "/region/", "/sampling/", "/solver/", "/output/"};
+    (void)state;
+    size_t tried = 0;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        bool good = false;
+        for (size_t k = 0; k < sizeof groups / sizeof *groups; k++)
+            good |= strncmp(spec_rows[i].pointer, groups[k], strlen(groups[k])) == 0;
+        if (!good || strstr(spec_rows[i].pointer, "/path")) continue;
+        json *document = json_new_object(), *by_frame;
+        spec_faults faults = {0};
+        error e = {0};
+        json_put_integer(document, "version", 1);
+        json_put(document, "surface", json_new_object());
+        json_put(document, "queue", json_new_object());
+        json_put_string(json_find(document, "/queue"), "frames", "1-2");
+        json_put(json_find(document, "/queue"), "by_frame", by_frame = json_new_object());
+        json *values = json_put_array(by_frame, spec_rows[i].pointer);
+        for (int k = 0; k < 2; k++) json_append(values, json_new_number(k));
+        spec_free(spec_parse(document, &faults, &e));
+        for (size_t k = 0; k < faults.count; k++) {
+            char *at = mem_strdup(faults.item[k].pointer);
+            if (!json_find(document, at)) *strrchr(at, '/') = '\0'; /* of a missing member: its object */
+            if (!json_find(document, at))
+                fail_msg("%s: a fault at %s: %s", spec_rows[i].pointer, faults.item[k].pointer,
+                         faults.item[k].detail);
+            free(at);
+        }
+        tried++;
+        json_free(document);
+    }
+    assert_true(tried > 100);
+}
+
 static void test_a_later_frame_is_checked(void **state)
 {
     (void)state;
@@ -1621,6 +1673,8 @@ int main(void)
         cmocka_unit_test(test_accepted_outcomes),
         cmocka_unit_test(test_values_by_frame),
         cmocka_unit_test(test_faults_of_values_by_frame),
+        cmocka_unit_test(test_faults_of_objects_that_values_by_frame_add),
+        cmocka_unit_test(test_faults_of_values_by_frame_are_at_places_of_the_spec),
         cmocka_unit_test(test_a_later_frame_is_checked),
         cmocka_unit_test(test_chunks),
         cmocka_unit_test(test_coherent_sequences),
