@@ -480,7 +480,9 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
 int store_open_directory(const store_roots *roots, const char *path, error *e)
 {
     struct stat info;
-    char *inside_it = mem_printf("%s/", path); /* with a slash a root lies below itself */
+    size_t length = strlen(path);
+    while (length && path[length - 1] == '/') length--;
+    char *inside_it = mem_printf("%.*s/", (int)length, path); /* with a slash a root lies below itself */
     int fd = open_in_roots(roots, inside_it, OPEN_FLAGS, e);
     free(inside_it);
     if (fd < 0 || (fstat(fd, &info) == 0 && S_ISDIR(info.st_mode))) return fd;

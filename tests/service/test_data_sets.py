@@ -93,6 +93,28 @@ def test_a_name_is_what_the_place_stands_for(new_service, root, files, path, nam
         assert files_of(service, job) == list(enumerate(names))
 
 
+def test_a_pattern_with_a_name_that_is_not_utf_8_is_refused(new_service, root):
+    """Such a name cannot be in a spec. Other patterns, and lists of names in the directory, are not affected."""
+    service = new_service("--input_roots", root).start()
+    (root / "meshes" / os.fsdecode(b"caf\xe9.off")).write_text("")
+    refused = service.post("/v1/jobs", data_set("meshes/*.off"))
+    expect_problem(refused, 422, "input_unsupported", "/queue/files")
+    assert refused.json["detail"] == "the name of the file meshes/caf\\x{e9}.off is not UTF-8: rename the file"
+    assert service.post("/v1/jobs", data_set("meshes/a*.off")).status == 201
+    listed = [f["name"] for f in service.get(f"/v1/files?path={root}/meshes").json["files"]]
+    assert "a.off" in listed and not [name for name in listed if name.startswith("caf")]
+
+
+def test_a_pattern_outside_the_roots_is_shown_as_it_was_written(new_service, root, tmp_path):
+    service = new_service("--input_roots", root).start()
+    for files, path in ((f"{tmp_path}/*.off", "{file}"), ("*.off", f"{tmp_path}/{{file}}"), ("/*.off", "{file}"), (f"{root}/none/*.off", "{file}")):
+        refused = service.post("/v1/jobs", data_set(files, path)).json
+        assert str(tmp_path if "*" not in files[:2] else "/") in refused["detail"] and "//" not in refused["detail"], refused["detail"]
+    frames = {**data_set("x", f"{tmp_path}/a.####.off"), "queue": {"frames": "all"}}
+    refused = service.post("/v1/jobs", frames).json
+    assert f"{tmp_path}/ is outside the input roots" in refused["detail"]
+
+
 def test_a_list_has_its_own_order_and_a_missing_file_fails_alone(new_service, root):
     service = new_service("--input_roots", root).start()
     job = service.submit(data_set(["meshes/b.off", "meshes/none.off", "meshes/a.off"]))

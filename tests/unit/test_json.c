@@ -370,6 +370,7 @@ static void test_ill_formed_utf8_is_printed_as_json(void **state)
         json_append_string(list, cases[k].given);
         char *text = json_print(list);
         assert_string_equal(text, cases[k].printed);
+        assert_int_equal(json_is_text(cases[k].given), strstr(text, cases[k].given) != NULL);
         json *back = json_parse(text, strlen(text), NULL);
         assert_non_null(back);
         json_free(back);

@@ -105,4 +105,7 @@ json *json_copy(const json *node);
 char *json_print(const json *node);
 char *json_print_pretty(const json *node);
 
+/* Whether a text is UTF-8, so that it is printed as it is. */
+bool json_is_text(const char *value);
+
 #endif

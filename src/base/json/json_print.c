@@ -165,6 +165,13 @@ static void add_node(text *t, const cJSON *node, int level)
     }
 }
 
+bool json_is_text(const char *value)
+{
+    for (size_t left = strlen(value), n; left; value += n, left -= n)
+        if ((n = json_utf8_length((const unsigned char *)value, left)) == 0) return false;
+    return true;
+}
+
 char *json_print(const json *node)
 {
     text t = {0};

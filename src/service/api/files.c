@@ -13,6 +13,7 @@
 #include "base/core/file_format.h"
 #include "base/core/frames.h"
 #include "base/core/memory.h"
+#include "base/core/terminal_text.h"
 #include "service/http/parameter.h"
 #include "spec/file_names.h"
 
@@ -129,7 +130,7 @@ void files_list(const http_context *c, const http_request *request, reply *r)
                    .most = (size_t)parameter_integer(request, "limit", 50)};
     found.item = mem_alloc((found.most + 1) * sizeof *found.item);
     for (struct dirent *entry; (entry = readdir(listing));)
-        if (entry->d_name[0] != '.') names_add(&found, entry->d_name);
+        if (entry->d_name[0] != '.' && json_is_text(entry->d_name)) names_add(&found, entry->d_name);
     json_put_string(document, "path", path);
     put_parent(c, path, document);
     json *list = json_put_array(document, "files");
@@ -329,6 +330,7 @@ typedef struct name_search {
     name_pattern pattern;
     found_names found; /* up to one more than `most` */
     size_t most;
+    char *refused; /* the path of a file whose name no spec can have, escaped; NULL: none */
 } name_search;
 
 static bool add_name(const http_context *c, const struct dirent *entry, void *data)
@@ -339,6 +341,13 @@ static bool add_name(const http_context *c, const struct dirent *entry, void *da
     if (!name || !is_file_readable(c, &s->pattern, entry, name)) {
         free(name);
         return true;
+    }
+    if (!json_is_text(name)) {
+        char *path = file_names_path(s->pattern.path, name);
+        s->refused = terminal_text_new(path);
+        free(path);
+        free(name);
+        return false;
     }
     if (out->count == out->capacity)
         out->item = mem_resize(out->item, (out->capacity = out->capacity * 2 + 64) * sizeof *out->item);
@@ -380,6 +389,9 @@ bool files_find_names(const http_context *c, const char *path, const char *patte
     else
         ok = search_inputs(c, p->directory, add_name, &s, e);
     sort_names(found);
+    if (ok && s.refused)
+        ok = error_set(e, ERROR_INPUT_UNSUPPORTED,
+                       "the name of the file %.700s is not UTF-8: rename the file", s.refused);
     if (ok && !found->count)
         ok = error_set(e, ERROR_INPUT_MISSING,
                        "no file below the input roots matches %s%s%s%s: check the directory and the name",
@@ -390,6 +402,7 @@ bool files_find_names(const http_context *c, const char *path, const char *patte
                        "max_files): submit several jobs",
                        most, pattern);
     name_pattern_clear(&s.pattern);
+    free(s.refused);
     if (!ok) {
         for (size_t i = 0; i < found->count; i++) free(found->item[i]);
         free(found->item);
