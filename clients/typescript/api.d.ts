@@ -1578,6 +1578,11 @@ export type Surface = {
     voxel_size?: number[];
     /** The value on the surface. The surface is open where it meets the end of the data. (the volume's) */
     isovalue: number;
+    /**
+     * Samples with this value have no data, as -9999 or padding: they are outside, and are read as the lowest
+     * other value. Files that state such a value do not set it. (the volume's)
+     */
+    no_data?: number;
     /** See /surface/vdb/reconstruction. Default: "interpolating". */
     reconstruction?: "interpolating" | "smoothing";
   };
@@ -2763,6 +2768,11 @@ export type AnsweredSurface = {
     voxel_size?: number[];
     /** The value on the surface. The surface is open where it meets the end of the data. (the volume's) */
     isovalue: number;
+    /**
+     * Samples with this value have no data, as -9999 or padding: they are outside, and are read as the lowest
+     * other value. Files that state such a value do not set it. (the volume's)
+     */
+    no_data?: number;
     /** See /surface/vdb/reconstruction. */
     reconstruction?: "interpolating" | "smoothing";
   };

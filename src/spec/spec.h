@@ -34,6 +34,8 @@ typedef struct spec_volume {
     bool has_level;
     int64_t level; /* index of the resolution, if the directory has several */
     double isovalue;
+    bool has_no_data;
+    double no_data; /* samples with this value have none */
     spec_reconstruction reconstruction;
 } spec_volume;
 

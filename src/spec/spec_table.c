@@ -495,6 +495,17 @@ const spec_row spec_rows[] = {
      AT(surface.volume.isovalue),
      .unit = "the volume's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
+    {.pointer = MEMBER("/surface/volume", "no_data"),
+     .title = "Value for \"no data\"",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_OPTIONAL,
+     .low = -1e300,
+     .high = 1e300,
+     AT_HAS(surface.volume.no_data, surface.volume.has_no_data),
+     .unit = "the volume's",
+     .prose =
+         "Samples with this value have no data, as -9999 or padding: they are outside, and are read as the lowest other "
+         "value. Files that state such a value do not set it."},
     {.pointer = MEMBER("/surface/volume", "reconstruction"),
      .title = "Values between the samples",
      .type = SPEC_TYPE_WORD,

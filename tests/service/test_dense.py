@@ -321,6 +321,59 @@ def test_values_that_mean_no_data_are_counted(sample, tmp_path):
     assert_ellipsoid(points, near=5e-3)
 
 
+def balls():
+    """Distances inside two balls, and their area."""
+    index = numpy.stack(numpy.meshgrid(*map(numpy.arange, (34, 30, 32)), indexing="ij"), -1)
+    parts = ((11.3, 13.2, 15.1), 6), ((23.4, 15.2, 12.3), 4)
+    return numpy.max([r - numpy.linalg.norm(index - c, axis=-1) for c, r in parts], axis=0), sum(4 * numpy.pi * r ** 2 for _, r in parts)
+
+
+@pytest.mark.parametrize("away, value", ((2, -9999), (4, -9999), (4, -200), (6, -32768), (3, -1e20)))
+def test_jumps_beside_the_surface_make_no_walls(sample, tmp_path, away, value):
+    values, area = balls()
+    write_nrrd(tmp_path / "v.nrrd", numpy.where(values < -away, value, values).astype("f4"))
+    report, points = sample(tmp_path / "v.nrrd", attributes=[])
+    assert report["surface"]["area"] == pytest.approx(area, rel=0.01)
+    assert f"as {numpy.float32(value):g} at voxel (" in report["surface"]["warnings"][0]
+    assert "ringing" not in [r["criterion"] for r in report["outcome_reasons"]]
+    undefined = points.kappa_defined == 0
+    assert undefined.any() == (away < 4), "where the spline depends on limited samples"
+
+
+def test_jumps_on_the_surface_are_unresolved(sample, tmp_path):
+    values, _ = balls()
+    for name, changed, isovalue in (("cut", numpy.where(values < -1, -9999, values), 0), ("smoke", numpy.clip(values / 2 + .5, 0, 1), .01)):
+        write_nrrd(tmp_path / "v.nrrd", changed.astype("f4"))
+        report, _ = sample(tmp_path / "v.nrrd", isovalue=isovalue)
+        told = {r["criterion"]: r["message"] for r in report["outcome_reasons"]}
+        assert "no_data" in told["ringing"] and "reconstruction" in told["ringing"], name
+
+
+def test_no_data_is_outside(sample, tmp_path):
+    values, area = balls()
+    for value in (-9999, 1e31, 3000):
+        write_nrrd(tmp_path / "v.nrrd", numpy.where(values < -1.5, value, values).astype("f4"))
+        report, _ = sample({"path": str(tmp_path / "v.nrrd"), "no_data": value})
+        assert report["surface"]["area"] == pytest.approx(area, rel=0.01) and not report["surface"]["warnings"]
+
+
+def test_values_beyond_all_others_are_no_walls(sample, tmp_path):
+    values, _ = balls()
+    write_nrrd(tmp_path / "v.nrrd", numpy.where(values < -4, 1e31, values).astype("f4"))
+    e, _ = sample(tmp_path / "v.nrrd")
+    assert e["code"] == "input_damaged" and "at (0, 0, 0)" in e["message"] and "give the value as no_data" in e["message"]
+
+
+def test_no_data_of_the_file_is_named(sample, tmp_path):
+    values, _ = balls()
+    values[values < -4] = -9999
+    write_nrrd(tmp_path / "v.nrrd", values.astype("f4"))
+    text = (tmp_path / "v.nrrd").read_bytes()
+    (tmp_path / "v.nrrd").write_bytes(text.replace(b"\n\n", b"\nnodata:=-9999\n\n", 1))
+    report, _ = sample(tmp_path / "v.nrrd")
+    assert 'the file states that -9999 means "no data": give it as no_data' in report["surface"]["warnings"]
+
+
 @pytest.mark.sanitized
 def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])

@@ -229,6 +229,7 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
         {"max_residual", OUTCOME_NOT_CONVERGED, {.residual = 0.0011}},
         {"max_residual", OUTCOME_NOT_CONVERGED, {.residual = NAN}},
         {"lost_area", OUTCOME_UNRESOLVED, {.lost_area = 0.011}},
+        {"ringing", OUTCOME_UNRESOLVED, {.ringing = 0.011}},
     };
     scene s = scene_octahedron(3);
     const measures m = scene_measure(&s, NULL);
@@ -245,6 +246,7 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
         replace(&in.energy_error, c->energy_error);
         replace(&in.residual, c->residual);
         replace(&in.lost_area, c->lost_area);
+        replace(&in.ringing, c->ringing);
         const outcome_result v = outcome_evaluate(&in);
         check_reasons(&v, faults[k].outcome, criteria);
     }

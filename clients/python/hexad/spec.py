@@ -417,6 +417,7 @@ class _SurfaceVolumeRest(TypedDict, total=False):
     level: int
     slices: str
     voxel_size: Sequence[float]
+    no_data: float
     reconstruction: Literal["interpolating", "smoothing"]
 
 
@@ -439,6 +440,8 @@ class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
         directions of the axes and the position of the first sample stay. Default: that of the file; for files
         without one, 1. (world)
     isovalue: The value on the surface. The surface is open where it meets the end of the data. (the volume's)
+    no_data: Samples with this value have no data, as -9999 or padding: they are outside, and are read as the
+        lowest other value. Files that state such a value do not set it. (the volume's)
     reconstruction: See /surface/vdb/reconstruction. Default: 'interpolating'.
     """
 
@@ -1471,4 +1474,5 @@ class SampleMembers(TypedDict, total=False):
     level: int
     slices: str
     isovalue: float
+    no_data: float
     reconstruction: Literal["interpolating", "smoothing"]

@@ -197,7 +197,9 @@ static bool take_places(answer *a, char *text, char *rest)
         } else if ((value = field_of(line, "byte skip", "byteskip"))) {
             if (!take_skip(a, "byte skip", value, -INT64_MAX, INT64_MAX, &bytes)) return false;
             a->head.byte_skip = bytes;
-        } else if (!is_remark(line)) {
+        } else if (is_remark(line)) {
+            dense_note_no_data(&a->head.warnings, line);
+        } else {
             if (length > FIELD_MAX)
                 return refuse(a, ERROR_INPUT_DAMAGED,
                               "a field of its header has %zu characters, and at most %d are read: \"%.40s\"",
@@ -676,6 +678,7 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, co
         return false;
     place_of_nifti(a, n, h->pixdim);
     scale_of_nifti(a, n);
+    dense_note_no_data(&a->head.warnings, n->descrip);
     a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
     a->head.encoding = h->packed ? VOLUME_HEADER_GZIP : VOLUME_HEADER_RAW;
     strcpy(a->head.format, "NIfTI");

@@ -403,6 +403,7 @@ slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t 
     s->base.type = numbers_name((number_type)s->head.type);
     for (uint32_t k = 0; k < s->head.warnings.count; k++)
         dense_warn(&s->base.warnings, "%s", s->head.warnings.text[k]);
+    memcpy(s->base.warnings.no_data, s->head.warnings.no_data, sizeof s->base.warnings.no_data - 1);
     s->base.fine = numbers_need_doubles((number_type)s->head.type);
     note_length(s);
     note_more_data(s, s->base.volumes - (index > 0 ? index : 0));

@@ -475,12 +475,18 @@ static void compare_description(tiff_file *f)
                    (long long)d->images, (size_t)f->count);
 }
 
+/* The tag of GDAL with the number that means "no data", as text. */
+enum { GDAL_NODATA = 42113 };
+
 static bool read_description(tiff_file *f)
 {
-    const char *text = NULL;
+    const char *text = NULL, *no_data = NULL;
+    uint32_t length = 0;
     char fault[TIFF_FAULT_SIZE];
     if (!TIFFSetSubDirectory(f->tiff, f->offset[0])) return damaged(f, "the first directory is damaged");
     TIFFGetField(f->tiff, TIFFTAG_IMAGEDESCRIPTION, &text);
+    if (TIFFGetField(f->tiff, GDAL_NODATA, &length, &no_data) && length < sizeof f->warnings.no_data)
+        snprintf(f->warnings.no_data, sizeof f->warnings.no_data, "%.*s", (int)length, no_data);
     if (!tiff_describe(text ? text : "", &f->description, &f->warnings, fault))
         return refuse(f, ERROR_INPUT_UNSUPPORTED, "%s", fault);
     find_contiguous(f);

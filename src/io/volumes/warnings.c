@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -18,6 +19,21 @@ void dense_warn(dense_warnings *w, const char *format, ...)
     va_end(arguments);
     for (; *text; text++)
         if ((unsigned char)*text < ' ') *text = ' ';
+}
+
+void dense_note_no_data(dense_warnings *w, const char *text)
+{
+    static const char *const names[] = {"nodata",        "no_data",       "no data",
+                                        "missing_value", "missing value", "_FillValue"};
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+        const char *at = strcasestr(text, names[k]);
+        if (!at) continue;
+        at += strcspn(at, ":=>");
+        at += strspn(at, ":=>\"' \t");
+        char *end;
+        const double value = strtod(at, &end);
+        if (end != at) snprintf(w->no_data, sizeof w->no_data, "%.9g", value);
+    }
 }
 
 void dense_warn_of_unit(dense_warnings *w, const char *unit)

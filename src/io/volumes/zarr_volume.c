@@ -468,6 +468,8 @@ static bool prepare(zarr_volume *v, error *e)
     find_steps(v);
     place(v);
     v->base.warnings = m->warnings;
+    if (m->has_fill && m->fill != 0)
+        snprintf(v->base.warnings.no_data, sizeof v->base.warnings.no_data, "%.9g", m->fill);
     if (!v->params.voxel_size && !m->is_ome)
         dense_warn(
             &v->base.warnings,

@@ -273,7 +273,7 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
 /* Adds `kappa_defined`, if the surface has a mesh, results have the curvature, and no attribute has this name. */
 static void add_defined(const spec *s, const source *from, attributes *out)
 {
-    if (!point_curvature_has_mesh(from) || !attributes_have_curvature(s)) return;
+    if (!point_curvature_is_special(from) || !attributes_have_curvature(s)) return;
     for (size_t k = 0; k < out->count; k++)
         out->has_own_defined |= strcasecmp(out->entries[k].name, POINTS_KAPPA_DEFINED) == 0;
     if (out->has_own_defined) return;
@@ -418,7 +418,7 @@ static void read_geometry(const char *name, const source *from, const attributes
             values[i] = (double)source_part_at(from, set->position[i]);
             continue;
         }
-        if (curvature && curvature[i].is_on_mesh) {
+        if (curvature && curvature[i].is_special) {
             d = is_first ? curvature[i].direction1 : curvature[i].direction2;
             if (from->turned) d = placement_turn_normal(from->turned, d);
         } else if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
@@ -478,7 +478,7 @@ static bool read_one(const attributes *a, size_t k, const source *from, const so
         for (size_t i = 0; i < set->count; i++) values[i] = a->kept[i];
     else if (!entry->spec && strcmp(entry->name, POINTS_KAPPA_DEFINED) == 0)
         for (size_t i = 0; i < set->count; i++)
-            values[i] = !a->curvature || !a->curvature[i].is_on_mesh || a->curvature[i].is_defined;
+            values[i] = !a->curvature || !a->curvature[i].is_special || a->curvature[i].is_defined;
     else if (!entry->spec)
         read_place(entry->name, from, solved, values);
     else if (!entry->request.path)

@@ -727,7 +727,7 @@ bool job_find_curvature(job *j, solution *s, error *e)
 {
     const solver_points *p = solver_result_points(s->solver);
     const size_t n = p->count;
-    if (!attributes_have_curvature(j->spec) || !point_curvature_has_mesh(&j->source)) return true;
+    if (!attributes_have_curvature(j->spec) || !point_curvature_is_special(&j->source)) return true;
     const point_curvature_input in = {n, p->position, p->normal, p->patch, p->hint};
     free(s->on_meshes);
     free(s->kappa);
@@ -738,8 +738,8 @@ bool job_find_curvature(job *j, solution *s, error *e)
     double *kappa = s->kappa, *kappa1 = kappa + n, *kappa2 = kappa1 + n;
     for (size_t i = 0; i < n; i++) {
         const point_curvature *c = &s->on_meshes[i];
-        kappa1[i] = c->is_on_mesh ? c->kappa1 : p->kappa1[i];
-        kappa2[i] = c->is_on_mesh ? c->kappa2 : p->kappa2[i];
+        kappa1[i] = c->is_special ? c->kappa1 : p->kappa1[i];
+        kappa2[i] = c->is_special ? c->kappa2 : p->kappa2[i];
         kappa[i] = sqrt(kappa1[i] * kappa1[i] + kappa2[i] * kappa2[i]);
     }
     return true;
@@ -753,7 +753,7 @@ static void set_curvature(const job *j, const solver_points *p, points *set)
         set->kappa = found;
         set->kappa1 = found + p->count;
         set->kappa2 = found + 2 * p->count;
-    } else if (!point_curvature_has_mesh(&j->source)) {
+    } else if (!point_curvature_is_special(&j->source)) {
         set->kappa = p->kappa;
         set->kappa1 = p->kappa1;
         set->kappa2 = p->kappa2;

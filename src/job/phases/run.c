@@ -51,6 +51,7 @@ static outcome_input outcome_input_of(const job *j)
                                                              : j->count - p->count,
         .lost = p->lost,
         .lost_area = source_missing_share(&j->source),
+        .ringing = source_ringing(&j->source),
         .residual = j->results.max_residual,
         .rms_residual = j->results.rms_residual,
         .require = j->spec->require,

@@ -12,7 +12,8 @@ const char *const outcome_names[] = {OUTCOME_LIST(WORDS_TEXT, OUTCOME)};
  * vacancy. A place beyond COVERAGE_MISSING is a hole. */
 static const double LARGEST_COVERAGE = 1.2;
 /* Maximum fractions of the area or of the points; smaller defects are not visible to users. */
-static const double MISSING_SHARE = 0.01, CLOSE_SHARE = 0.01, EMPTY_SHARE = 0.01, LOST_SHARE = 0.01;
+static const double MISSING_SHARE = 0.01, CLOSE_SHARE = 0.01, EMPTY_SHARE = 0.01, LOST_SHARE = 0.01,
+                    RINGING_SHARE = 0.01;
 /* Maximum fraction of points without a proper Voronoi cell: with more, the measures describe too little of
  * the result. */
 static const double UNMEASURED_SHARE = 0.1;
@@ -135,6 +136,11 @@ static bool lost_area(const outcome_input *in, double *value, double *bound)
     return exceeds(in->lost_area, LOST_SHARE, value, bound);
 }
 
+static bool ringing(const outcome_input *in, double *value, double *bound)
+{
+    return exceeds(in->ringing, RINGING_SHARE, value, bound);
+}
+
 static const criterion criteria[] = {
     {"rms_step", OUTCOME_NOT_CONVERGED, false, out_of_sweeps,
      "rms_step: the solve reached solver.max_sweeps before it converged; the RMS step of its last sweep is "
@@ -204,6 +210,11 @@ static const criterion criteria[] = {
     {"lost_area", OUTCOME_UNRESOLVED, false, lost_area,
      "lost_area: %.3g %% of the area is thinner than a voxel, or than the cells of a combination, and is not "
      "sampled (at most %.3g %%). Follow the warning that gives this share.",
+     100},
+    {"ringing", OUTCOME_UNRESOLVED, false, ringing,
+     "ringing: %.3g %% of the cells of the surface are made or displaced by overshoot of the spline beside a jump of "
+     "the samples (at most %.3g %%). If a value means that there are no data, give it as no_data; otherwise choose an "
+     "isovalue in the middle of the jump, or set reconstruction to \"smoothing\".",
      100},
 };
 

@@ -37,6 +37,7 @@ typedef struct outcome_input {
     size_t lost;        /* points that are not on the surface */
     /* Fraction of the area of a mesh or combination that the sampled surface does not represent. */
     double lost_area;
+    double ringing;                /* fraction of the cells of volumes, see source_ringing */
     double residual, rms_residual; /* Maximum and rms distance of the points from the surface, in spacings. */
     const spec_requirement *require; /* SPEC_REQUIRE_COUNT bounds */
 } outcome_input;

@@ -35,7 +35,8 @@ typedef struct located {
     mesh_place place;
     vec3 normal; /* of the point, in the space of the leaf */
     uint16_t leaf;
-    bool is_beside; /* within BESIDE_PART voxels of another part */
+    bool is_beside;  /* within BESIDE_PART voxels of another part */
+    bool is_limited; /* beside limited samples of a volume */
 } located;
 
 typedef struct finding {
@@ -61,9 +62,22 @@ static size_t count_meshes(const source_part *p)
     return count;
 }
 
+/* Whether a volume among the parts has limited samples. */
+static bool has_limits(const source_part *p)
+{
+    bool found = p->volume && volume_describe(p->volume)->is_limited;
+    for (size_t k = 0; k < p->part_count; k++) found |= has_limits(&p->parts[k]);
+    return found;
+}
+
 bool point_curvature_has_mesh(const source *s)
 {
     return count_meshes(&s->whole) > 0;
+}
+
+bool point_curvature_is_special(const source *s)
+{
+    return count_meshes(&s->whole) > 0 || has_limits(&s->whole);
 }
 
 /* The transform between a part and the parts within it, or NULL. A mesh of patches was transformed when it was
@@ -174,6 +188,7 @@ static void locate(const finding *f, size_t i, located *out)
         p = &p->parts[k];
     }
     out->leaf = index_of(f, p);
+    out->is_limited = p->volume && volume_is_limited(p->volume, x);
     if (out->leaf == NO_LEAF) return;
     const leaf *l = &f->leaves[out->leaf];
     out->normal = normal;
@@ -255,8 +270,8 @@ static bool move_by_offset(const leaf *l, const located *at, bool is_defined, fi
 static void evaluate(const finding *f, size_t i, point_curvature *out)
 {
     const located *at = &f->at[i];
-    *out = (point_curvature){.is_on_mesh = at->leaf != NO_LEAF};
-    if (!out->is_on_mesh || at->is_beside) return;
+    *out = (point_curvature){.is_special = at->leaf != NO_LEAF || at->is_limited};
+    if (at->leaf == NO_LEAF || at->is_beside) return;
     const leaf *l = &f->leaves[at->leaf];
     const mesh_curvature_value v = mesh_curvature_at(l->curvature, at->place.triangle, at->place.weight);
     const double side = vec3_dot(v.normal, at->normal) < 0 ? -1 : 1;

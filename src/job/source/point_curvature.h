@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* point_curvature: the curvature of points on meshes, from the triangles of the files (mesh_curvature.h), whether the
- * points were computed on the triangles, or on level sets of them.
+ * points were computed on the triangles, or on level sets of them. On volumes it is undefined beside limited samples
+ * (ringing.h).
  *
  * A point of a combination has the curvature of the part on which it lies. It is undefined within two voxels of
  * another part. On a mesh at an offset d, a principal curvature k of the mesh becomes k / (1 + d k); it is undefined
@@ -24,7 +25,7 @@ typedef struct point_curvature_input {
 } point_curvature_input;
 
 typedef struct point_curvature {
-    bool is_on_mesh; /* otherwise the other members are 0 */
+    bool is_special; /* on a mesh, or undefined on a volume; otherwise the other members are 0 */
     bool is_defined; /* otherwise the members below are 0 */
     double kappa1, kappa2;
     vec3 direction1, direction2; /* unit, with any sign, in the sampled space */
@@ -32,6 +33,9 @@ typedef struct point_curvature {
 
 /* Whether a part of the surface is a mesh. */
 bool point_curvature_has_mesh(const source *s);
+
+/* Whether a point may be special. */
+bool point_curvature_is_special(const source *s);
 
 /* Computes the curvature of the points. `out`: one per point. Errors: limit_memory, cancelled. The result does not
  * depend on the number of threads or on other points. */

@@ -344,17 +344,30 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const source_ar
     return mesh_source_open(&request, &out->volume, &out->mesh, &o->source->origin, &out->notes, e);
 }
 
+/* NAN: no value means that there are no data. */
+static double no_data_of(const spec_volume *v)
+{
+    return v->has_no_data ? v->no_data : NAN;
+}
+
 /* Takes ownership of the slices, which may be NULL. */
 static volume *open_dense(slices *from, const char *path, double isovalue, spec_reconstruction how,
-                          const opening *o, error *e)
+                          double no_data, const opening *o, error *e)
 {
     if (!from) {
         sent_file_explain_header(path, e);
         error_prefix(e, "%s", path);
         return NULL;
     }
-    const volume_dense_request request = {from,           path,           isovalue, reconstruction_of(how),
-                                          memory_left(o), o->spec->count, o->pool,  o->kernels};
+    const volume_dense_request request = {.source = from,
+                                          .path = path,
+                                          .isovalue = isovalue,
+                                          .no_data = no_data,
+                                          .reconstruction = reconstruction_of(how),
+                                          .memory_limit = memory_left(o),
+                                          .points = o->spec->count,
+                                          .pool = o->pool,
+                                          .isa = o->kernels};
     volume *v = volume_open_dense(&request, e);
     from->ops->close(from);
     return v;
@@ -379,7 +392,8 @@ static volume *open_stored(const spec_volume *v, const spec_exr *x, int fd, stor
                               .region = is_cut ? &cut : NULL,
                               .most_chunks = o->spec->max_chunks,
                               .voxel_size = x->has_voxel_size ? &x->voxel_size : NULL};
-    return open_dense(volume_file_open(&file, e), v->path, v->isovalue, v->reconstruction, o, e);
+    return open_dense(volume_file_open(&file, e), v->path, v->isovalue, v->reconstruction, no_data_of(v), o,
+                      e);
 }
 
 /* The slices of an array. */
@@ -413,13 +427,13 @@ exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
 
 /* Opens a stack of images. `exr_alone`: other formats are refused. */
 static volume *open_images(const spec_exr *x, bool exr_alone, double isovalue, spec_reconstruction how,
-                           const opening *o, error *e)
+                           double no_data, const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
     exr_stack_params params = source_stack(x, &files);
     params.memory_limit = memory_left(o);
     slices *from = exr_alone ? exr_stack_open(&params, e) : volume_file_open_stack(&params, e);
-    return open_dense(from, x->path, isovalue, how, o, e);
+    return open_dense(from, x->path, isovalue, how, no_data, o, e);
 }
 
 /* Checks the ends of dense data. Boundaries must lie on faces of axis-aligned boxes of the sampled space:
@@ -510,7 +524,7 @@ static bool open_array(const spec_surface *s, double offset, const source_array 
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s: surface.vdb requires a file: give a dense grid as surface.volume", given->name);
     slices *from = open_array_grid(given, v->has_index, v->has_level, &s->exr, e);
-    out->volume = open_dense(from, v->path, v->isovalue, v->reconstruction, o, e);
+    out->volume = open_dense(from, v->path, v->isovalue, v->reconstruction, no_data_of(v), o, e);
     return out->volume != NULL;
 }
 
@@ -523,9 +537,10 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
             e, ERROR_NOT_SUPPORTED,
             "an offset requires distances, which a dense volume does not have: give another isovalue");
     if (s->kind == SPEC_SURFACE_EXR) {
-        out->volume = open_images(&s->exr, true, s->exr.isovalue, s->exr.reconstruction, o, e);
+        out->volume = open_images(&s->exr, true, s->exr.isovalue, s->exr.reconstruction, NAN, o, e);
     } else if (s->exr.count > 0) {
-        out->volume = open_images(&s->exr, false, s->volume.isovalue, s->volume.reconstruction, o, e);
+        out->volume = open_images(&s->exr, false, s->volume.isovalue, s->volume.reconstruction,
+                                  no_data_of(&s->volume), o, e);
     } else {
         const char *path = s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
                            : s->kind == SPEC_SURFACE_MESH ? s->mesh.path
@@ -936,6 +951,18 @@ double source_missing_share(const source *s)
     add_missing(&s->whole, 1, &of);
     return fmax(of.of_meshes > 0 ? of.thin / of.of_meshes : 0,
                 of.combined > 0 ? of.in_walls / of.combined : 0);
+}
+
+static double ringing_of(const source_part *p)
+{
+    double most = p->volume ? volume_describe(p->volume)->ringing : 0;
+    for (size_t k = 0; k < p->part_count; k++) most = fmax(most, ringing_of(&p->parts[k]));
+    return most;
+}
+
+double source_ringing(const source *s)
+{
+    return ringing_of(&s->whole);
 }
 
 double source_thinnest_wall(const source *s, const spec *of)

@@ -123,6 +123,9 @@ bool source_starts_in_cells(const source *s);
  * thinner than the voxels; of combinations, parts that may be missing, since they are thinner than the
  * cells. */
 double source_missing_share(const source *s);
+
+/* The largest fraction of the cells of a volume that its spline makes or displaces beside a jump of the samples. */
+double source_ringing(const source *s);
 /* Returns half the side of a voxel: the data of a volume or a segmentation do not determine thinner walls. 0: other
  * surfaces. World units. */
 double source_thinnest_wall(const source *s, const spec *of);

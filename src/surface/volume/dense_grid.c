@@ -10,6 +10,10 @@
 
 #define SIDE VDB_LEAF_SIDE
 
+/* Bits of a sample: it is inside; its value is above DENSE_GRID_LARGEST. */
+enum { INSIDE = 1, BEYOND = 2 };
+/* Fraction of the cells that may have a corner beyond: single defects inside a solid. */
+static const double MOST_BEYOND = 0.01;
 /* Number of blocks kept around a crossed one: volume.c reads 13 voxels around crossed cells. */
 enum { AROUND = 2 };
 
@@ -18,14 +22,15 @@ static const uint32_t NONE = UINT32_MAX;
 typedef struct work {
     slices *source;
     threads *pool; /* for its flag to stop */
-    double isovalue;
+    double isovalue, no_data;
     double on; /* the isovalue in the type of the file: the nearest float */
     int64_t size[3];
-    int64_t blocks[3];  /* along each axis, with AROUND at both ends */
-    int64_t stride;     /* of a row of `inside`; rows end with zeros, so that whole words can be read */
-    double *values;     /* one slice */
-    uint8_t *inside[2]; /* two slices: 1 where the value is above the isovalue */
-    uint32_t *number;   /* per block: first 1 if it is crossed; then the index of its leaf, or NONE */
+    int64_t blocks[3];      /* along each axis, with AROUND at both ends */
+    int64_t stride;         /* of a row of `inside`; rows end with zeros, so that whole words can be read */
+    double *values;         /* one slice */
+    uint8_t *inside[2];     /* two slices: INSIDE where the value is above the isovalue, and BEYOND */
+    uint64_t cells, beyond; /* crossed ones, and those of them with a corner that is BEYOND */
+    uint32_t *number;       /* per block: first 1 if it is crossed; then the index of its leaf, or NONE */
     vdb_grid *grid;
 } work;
 
@@ -70,14 +75,25 @@ static void end(work *w)
 
 /* ---- first pass: finds crossed blocks */
 
+/* Whether the value means that there are no data: files may have it as a float. */
+static bool is_no_data(const work *w, double value)
+{
+    return value == w->no_data || value == (double)(float)w->no_data;
+}
+
 static void note_values(const work *w, int64_t z, uint8_t *inside, dense_grid_facts *facts)
 {
     for (int64_t y = 0; y < w->size[1] && !threads_stopped(w->pool); y++) {
         const double *row = w->values + y * w->size[0];
         uint8_t *bits = inside + y * w->stride;
         for (int64_t x = 0; x < w->size[0]; x++) {
-            bits[x] = row[x] > w->isovalue && row[x] != w->on;
-            if (fabs(row[x]) <= DENSE_GRID_LARGEST) {
+            const bool is_missing = is_no_data(w, row[x]);
+            bits[x] = is_missing || !(row[x] > w->isovalue) || row[x] == w->on ? 0
+                      : row[x] > DENSE_GRID_LARGEST                            ? INSIDE | BEYOND
+                                                                               : INSIDE;
+            if (is_missing) {
+                facts->missing++;
+            } else if (fabs(row[x]) <= DENSE_GRID_LARGEST) {
                 facts->lowest = fmin(facts->lowest, row[x]);
                 facts->highest = fmax(facts->highest, row[x]);
             } else if (facts->unusable++ == 0) {
@@ -108,7 +124,10 @@ static void mark_layer(work *w, int64_t z)
             int64_t cells = w->size[0] - 1 - x;
             uint64_t valid =
                 cells < SIDE ? ((uint64_t)1 << (SIDE * cells)) - 1 : ~(uint64_t)0; /* little-endian */
-            if ((any ^ all) & valid) w->number[block_at(w, x / SIDE, y / SIDE, z / SIDE)] = 1;
+            const uint64_t crossed = (any ^ all) & valid & UINT64_C(0x0101010101010101) * INSIDE;
+            w->cells += (uint64_t)__builtin_popcountll(crossed);
+            w->beyond += (uint64_t)__builtin_popcountll(crossed & any >> 1);
+            if (crossed) w->number[block_at(w, x / SIDE, y / SIDE, z / SIDE)] = 1;
         }
 }
 
@@ -206,7 +225,9 @@ static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
                 for (int64_t j = y; j < least(y + SIDE, w->size[1]); j++) {
                     double value = w->values[j * w->size[0] + i];
                     int bit = 8 * (int)(j & 7) + (int)(z & 7);
-                    if (!(fabs(value) <= DENSE_GRID_LARGEST))
+                    if (is_no_data(w, value))
+                        value = facts->lowest;
+                    else if (!(fabs(value) <= DENSE_GRID_LARGEST))
                         value = value > 0 ? facts->highest : facts->lowest;
                     g->leaf_values[(size_t)n * VDB_LEAF_VOXELS + 64 * (size_t)(i & 7) + (size_t)bit] =
                         level_of(w, value);
@@ -265,6 +286,13 @@ static void continue_leaves(work *w, const dense_grid_facts *facts)
 
 static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *facts, error *e)
 {
+    if (facts->highest > w->isovalue && (double)w->beyond > MOST_BEYOND * (double)w->cells)
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "%.3g %% of its surface lies beside values beyond %g, the first unusable one at (%lld, %lld, "
+            "%lld): if they mean that there are no data, give the value as no_data; otherwise replace them",
+            100 * (double)w->beyond / (double)w->cells, DENSE_GRID_LARGEST, (long long)facts->unusable_at[0],
+            (long long)facts->unusable_at[1], (long long)facts->unusable_at[2]);
     if (leaves > 0) return true;
     if (!(facts->lowest <= facts->highest))
         return error_set(e, ERROR_NO_SURFACE, "the volume has no finite value: correct the file");
@@ -277,11 +305,14 @@ static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *
                      w->isovalue, facts->lowest, facts->highest);
 }
 
-vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, threads *pool,
+vdb_grid *dense_grid_make(slices *s, double isovalue, double no_data, size_t memory_limit, threads *pool,
                           dense_grid_facts *facts, error *e)
 {
-    work w = {
-        .source = s, .pool = pool, .isovalue = isovalue, .on = s->fine ? isovalue : (double)(float)isovalue};
+    work w = {.source = s,
+              .pool = pool,
+              .isovalue = isovalue,
+              .no_data = no_data,
+              .on = s->fine ? isovalue : (double)(float)isovalue};
     memcpy(w.size, s->size, sizeof w.size);
     size_t leaves = 0;
     bool ok = begin(&w, memory_limit, e) && find_blocks(&w, facts, e);

@@ -22,13 +22,16 @@ typedef struct dense_grid_facts {
      * are no data. NaN and negative ones count as `lowest`, positive ones as `highest`. */
     uint64_t unusable;
     int64_t unusable_at[3]; /* index of the first one */
+    uint64_t missing;       /* number of values that are no_data; they count as `lowest` */
 } dense_grid_facts;
 
 /* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is
  * inside). Its values are those of the file minus the isovalue, subtracted before the conversion to floats
  * (vdb_grid.zero). `memory_limit` bounds the grid and what is made from it, bytes. The caller frees the grid.
- * Errors: those of the slices, no_surface, limit_memory; cancelled, if the pool is stopped. */
-vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, threads *pool,
+ * `no_data`: a value that means that there are no data; NAN: none. Errors: those of the slices, no_surface, limit_memory,
+ * input_damaged (unusable values that count as `highest` make more than a hundredth of the surface); cancelled, if the
+ * pool is stopped. */
+vdb_grid *dense_grid_make(slices *s, double isovalue, double no_data, size_t memory_limit, threads *pool,
                           dense_grid_facts *facts, error *e);
 
 #endif

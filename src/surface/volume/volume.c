@@ -24,6 +24,7 @@
 #include "surface/volume/grid_view.h"
 #include "surface/volume/prefilter.h"
 #include "surface/volume/reach.h"
+#include "surface/volume/ringing.h"
 #include "surface/volume/samples.h"
 
 /* Distances, in voxels from crossed cells, within which voxels are read. Coefficient blocks depend on two
@@ -61,6 +62,9 @@ typedef struct loading {
     bool smooth;
     size_t points; /* number that will be sampled; 0: unknown */
     threads *pool;
+    bool limits;      /* samples are limited, because the spline rings beside them */
+    char no_data[32]; /* as in io/volumes/warnings.h */
+    bool rings;       /* a jump was found beside which the spline rings */
 } loading;
 
 /* ---- stages of opening */
@@ -105,8 +109,9 @@ static void warn_of_space(volume_info *info, const vdb_grid *g)
 }
 
 /* Selects the grid, determines its kind, and loads it. */
-static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
+static bool load_grid(const void *request, loading *l, volume *v, error *e)
 {
+    const volume_request *r = request;
     vdb_class class;
     size_t index;
     if (!grid_selection_find_in_file(r->fd, r->grid, &index, &class, v->info.grid, e)) return false;
@@ -428,7 +433,7 @@ static bool build_coefficients(loading *l, volume *v, error *e)
     return true;
 }
 
-static bool add_hidden_crossings(const loading *l, volume *v, error *e)
+static bool add_hidden_crossings(loading *l, volume *v, error *e)
 {
     hidden_crossing found = {0};
     bool ok = hidden_crossing_find(&v->coefficients, v->info.size, affine_aspect(v->to_world, v->to_index),
@@ -436,6 +441,11 @@ static bool add_hidden_crossings(const loading *l, volume *v, error *e)
     if (ok) {
         crossed_cells_add_late(&v->cells, found.cell, found.count);
         found.cell = NULL;
+    }
+    if (ok && l->kind != GRID_VIEW_LEVEL_SET && !l->smooth) {
+        v->info.ringing = ringing_share(&v->coefficients, &v->cells, &l->rings);
+        l->rings |= v->info.ringing > 0;
+        v->info.ringing = fmax(v->info.ringing, ringing_one_sided(&v->cells));
     }
     v->base.joined = found.joined;
     v->hidden_crossing = found.passed;
@@ -467,13 +477,24 @@ static void measure(volume *v)
         samples_bytes(v->coefficients.source.map.count, true) + v->coefficients.source.spare;
 }
 
+/* F at the corners of the cells, from samples that are limited where required. */
+static bool take_values(loading *l, volume *v, error *e)
+{
+    if (!crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e)) return false;
+    if (!l->limits) return true;
+    if (!ringing_limit(&v->cells, &l->samples, &v->ringing, e)) return error_prefix(e, "%s", l->name);
+    v->info.is_limited = v->ringing.limited;
+    if (!v->info.is_limited) return true;
+    free(v->cells.value);
+    return crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e);
+}
+
 /* Builds the coefficient blocks of a loaded grid. */
 static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
-    if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) ||
-        !crossed_cells_take_values(&v->cells, &l->samples, l->smooth, l->pool, e) || !note_sides(l, v, e) ||
-        !build_coefficients(l, v, e) || !add_hidden_crossings(l, v, e))
+    if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !take_values(l, v, e) ||
+        !note_sides(l, v, e) || !build_coefficients(l, v, e) || !add_hidden_crossings(l, v, e))
         return false;
     measure(v);
     return true;
@@ -488,18 +509,53 @@ static void loading_free(loading *l)
     samples_free(&l->samples);
 }
 
-volume *volume_open(const volume_request *request, error *e)
+/* Warns of limited samples. */
+static void warn_of_limits(volume *v)
 {
-    loading l = {0};
+    const ringing_limits *r = &v->ringing;
+    warn(
+        &v->info,
+        "%llu samples near the surface are limited, as %g at voxel (%d, %d, %d): the spline would overshoot beside this "
+        "jump. Curvature is undefined there. If a value means that there are no data, give it as no_data.",
+        (unsigned long long)r->count, v->info.isovalue - (double)r->was, r->first[0], r->first[1],
+        r->first[2]);
+}
+
+/* load_grid or load_dense. */
+typedef bool loader(const void *request, loading *l, volume *v, error *e);
+
+static volume *try_volume(loader *load, const void *request, isa kernels, loading *l, error *e)
+{
     volume *v = mem_alloc(sizeof *v);
-    v->spline = spline_for(request->isa);
+    v->spline = spline_for(kernels);
     v->base.ops = &volume_field_ops;
-    bool ok = load_grid(request, &l, v, e) && build(&l, v, e);
-    loading_free(&l);
+    const bool ok = load(request, l, v, e) && build(l, v, e);
+    loading_free(l);
     if (ok) return v;
-    error_prefix(e, "%s", request->path);
     volume_close(v);
     return NULL;
+}
+
+/* Opens a volume; if its spline rings, again with its samples limited. */
+static volume *open_volume(loader *load, const void *request, isa kernels, const char *path, error *e)
+{
+    loading l = {0};
+    volume *v = try_volume(load, request, kernels, &l, e);
+    if (v && l.rings) {
+        volume_close(v);
+        l = (loading){.limits = true};
+        v = try_volume(load, request, kernels, &l, e);
+    }
+    if (v && v->info.is_limited) warn_of_limits(v);
+    if (v && (v->info.is_limited || v->info.ringing > 0) && *l.no_data)
+        warn(&v->info, "the file states that %s means \"no data\": give it as no_data", l.no_data);
+    if (!v) error_prefix(e, "%s", path);
+    return v;
+}
+
+volume *volume_open(const volume_request *request, error *e)
+{
+    return open_volume(load_grid, request, request->isa, request->path, e);
 }
 
 /* ---- meshes */
@@ -821,8 +877,9 @@ static bool has_two_values(const vdb_grid *g, const dense_grid_facts *facts)
     return two;
 }
 
-static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
+static bool load_dense(const void *request, loading *l, volume *v, error *e)
 {
+    const volume_dense_request *r = request;
     const dense_grid_facts *facts = &l->facts;
     const double *m = r->source->index_to_world;
     double to_world[3][4], to_index[3][4];
@@ -842,12 +899,13 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     memcpy(v->info.size, r->source->size, sizeof v->info.size);
     memcpy(v->info.format, r->source->format, sizeof v->info.format);
     memcpy(v->info.space, r->source->space, sizeof v->info.space);
-    l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, r->pool, &l->facts, e);
+    l->grid = dense_grid_make(r->source, r->isovalue, r->no_data, r->memory_limit, r->pool, &l->facts, e);
     if (!l->grid) return false;
     v->info.two_values = has_two_values(l->grid, facts);
     v->info.active_voxels = l->grid->active_voxels;
     for (uint32_t k = 0; k < r->source->warnings.count; k++)
         warn(&v->info, "%s", r->source->warnings.text[k]);
+    snprintf(l->no_data, sizeof l->no_data, "%s", r->source->warnings.no_data);
     if (facts->unusable)
         warn(
             &v->info,
@@ -861,17 +919,9 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
 
 volume *volume_open_dense(const volume_dense_request *request, error *e)
 {
-    loading l = {0};
-    volume *v = mem_alloc(sizeof *v);
-    v->spline = spline_for(request->isa);
-    v->base.ops = &volume_field_ops;
-    bool ok = load_dense(request, &l, v, e) && build(&l, v, e);
-    if (ok) set_ends(v);
-    loading_free(&l);
-    if (ok) return v;
-    error_prefix(e, "%s", request->path);
-    volume_close(v);
-    return NULL;
+    volume *v = open_volume(load_dense, request, request->isa, request->path, e);
+    if (v) set_ends(v);
+    return v;
 }
 
 void volume_close(volume *v)
@@ -886,8 +936,17 @@ void volume_close(volume *v)
     free(v->hidden_crossing);
     free(v->flat);
     free(v->gentle);
+    ringing_free(&v->ringing);
     crossed_cells_free(&v->cells);
     free(v);
+}
+
+bool volume_is_limited(const volume *v, vec3 x)
+{
+    if (!v->info.is_limited) return false;
+    const vec3 at = affine_apply(v->to_index, x.x, x.y, x.z);
+    const int32_t cell[3] = {(int32_t)floor(at.x), (int32_t)floor(at.y), (int32_t)floor(at.z)};
+    return ringing_is_limited(&v->ringing, &v->map, cell);
 }
 
 const mesh_faces *volume_faces(const volume *v)

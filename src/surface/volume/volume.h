@@ -64,6 +64,7 @@ typedef struct volume_dense_request {
     slices *source;   /* owned by the caller; not used after the volume is open */
     const char *path; /* as above */
     double isovalue;  /* larger values are inside */
+    double no_data;   /* as in dense_grid_make */
     volume_reconstruction reconstruction;
     size_t memory_limit;
     size_t points;
@@ -85,6 +86,8 @@ typedef struct volume_info {
     size_t memory_bytes;        /* bytes of the volume */
     bbox surface_box;           /* of the crossing cells */
     size_t triangles;           /* used triangles of a mesh; 0 for a grid */
+    bool is_limited;            /* samples were limited beside a jump (ringing.h) */
+    double ringing;             /* fraction of the cells that ring, or are one-sided (ringing.h) */
     fidelity fidelity;          /* of a mesh without an offset */
     resolution resolution;      /* of a mesh: voxel size, and how it was chosen */
     int64_t size[3];            /* samples of a dense volume; otherwise 0 */
@@ -134,6 +137,9 @@ bool volume_align(volume *v, double to_world[16]);
 /* An axis-aligned box around the centre of dense data that contains no cell at their ends, with the
  * proportions of the bounding box. Empty if the data are too small. */
 bbox volume_clear_box(const volume *v);
+
+/* Whether the spline at x, world space, depends on samples that were limited. */
+bool volume_is_limited(const volume *v, vec3 x);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);
 const volume_info *volume_describe(const volume *v);

@@ -11,6 +11,7 @@
 #include "surface/volume/coefficient_block.h"
 #include "surface/volume/crossed_cells.h"
 #include "surface/volume/hidden_crossing.h"
+#include "surface/volume/ringing.h"
 #include "surface/volume/volume.h"
 
 /* Voxels around the crossed cells within which F is defined. A longer Newton or trial step has left the
@@ -33,10 +34,11 @@ struct volume {
     uint8_t *hidden_crossing; /* likewise: cells with a crossed face whose corners have one sign */
     uint8_t *flat, *gentle;   /* likewise: cells by their field_bend */
     const spline *spline;
-    crossed_cells cells; /* of the map's blocks */
-    mesh_faces *faces;   /* of a mesh; or NULL */
-    bool projects;       /* points will be projected onto the faces */
-    bool loose;          /* dense data whose faces are not axis-aligned */
+    crossed_cells cells;    /* of the map's blocks */
+    ringing_limits ringing; /* limited samples; likewise */
+    mesh_faces *faces;      /* of a mesh; or NULL */
+    bool projects;          /* points will be projected onto the faces */
+    bool loose;             /* dense data whose faces are not axis-aligned */
     volume_info info;
 };
 
