@@ -210,6 +210,7 @@ static bool init_ledger(service *s, error *e)
         {LEDGER_UPLOAD_BYTES, c->user_upload_bytes ? c->user_upload_bytes : c->upload_total_bytes / 4, 0},
         {LEDGER_SUBMISSIONS, c->user_submissions, 0},
         {LEDGER_JOBS, c->user_queued, 0},
+        {LEDGER_TASKS, c->user_tasks, 0},
         {LEDGER_ATTEMPTS, c->user_running, 0},
     };
     s->counts = ledger_new();

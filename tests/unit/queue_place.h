@@ -62,6 +62,11 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN instance",
                                            "SCAN running", /* at most RUNNING_PERIODS_MOST rows */
                                            "SCAN job USING INDEX job_unmeasured",
+                                           "SCAN job USING INDEX job_hidden",
+                                           "SCAN job USING COVERING INDEX job_hidden",
+                                           "SCAN job USING INDEX job_pieces",
+                                           "SCAN job USING COVERING INDEX job_pieces",
+                                           "SCAN ended", /* the first row */
                                            "SCAN job USING INDEX job_copying",
                                            "SCAN job USING INDEX job_undelivered",
                                            "SCAN task USING COVERING INDEX task_delayed"};

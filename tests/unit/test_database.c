@@ -246,8 +246,20 @@ static void test_a_killed_process_loses_nothing(void **state)
     }
 }
 
+/* Removes the additions of version 21. */
+#define BEFORE_21                                                                                        \
+    "DROP TABLE ended; DROP INDEX job_pieces; DROP INDEX job_hidden; DROP INDEX task_uncopied;"          \
+    "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN target; ALTER TABLE job DROP COLUMN target_from;" \
+    "ALTER TABLE job DROP COLUMN target_message; ALTER TABLE job DROP COLUMN examine_from;"              \
+    "ALTER TABLE job DROP COLUMN copy_from; ALTER TABLE owner DROP COLUMN tasks;"                        \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"                      \
+    "  WHERE ready > held AND pending = 0 AND is_paused = 0 AND"                                         \
+    "  (is_ordered = 0 OR running + delayed + first_held = 0)"                                           \
+    "  AND (max_running = 0 OR running < max_running) AND chunks_busy = 0;"
+
 /* Removes the additions of version 20. Version 19 has the tables of version 18. */
 #define BEFORE_20 \
+    BEFORE_21     \
     "DROP INDEX input_of_all; ALTER TABLE input DROP COLUMN of_task; ALTER TABLE task DROP COLUMN file;"
 
 static void test_results_of_version_18_are_not_reused(void **state)

@@ -539,6 +539,9 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     case QUEUE_TOO_MANY:
         refuse(c, LEDGER_JOBS, LEDGER_HOLDER_FULL, put->owner, r);
         break;
+    case QUEUE_TOO_MANY_TASKS:
+        refuse(c, LEDGER_TASKS, LEDGER_HOLDER_FULL, put->owner, r);
+        break;
     case QUEUE_RESULTS_FULL:
         refuse(c, LEDGER_RESULTS, LEDGER_ALL_FULL, put->owner, r);
         break;
@@ -737,6 +740,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .directory = s->directory,
         .cache_key = cache_key(s->normalised, result_key) ? result_key : NULL,
         .most_waiting = ledger_get_limits(c->counts, LEDGER_JOBS).holder,
+        .most_tasks = ledger_get_limits(c->counts, LEDGER_TASKS).holder,
         .webhook = webhook,
         .key = key,
         .body_hash = key ? hash : NULL,

@@ -38,7 +38,7 @@ static const route routes[] = {
      .example = EXAMPLE,
      .answers = "201:Job",
      .problems = BODY_PROBLEMS
-     "idempotency_mismatch priority_forbidden too_many_jobs too_many_submissions storage_full results_full"
+     "idempotency_mismatch priority_forbidden too_many_jobs too_many_tasks too_many_submissions storage_full results_full"
      " output_taken output_unwritable"},
     {.method = "GET",
      .pattern = "/v1/jobs",

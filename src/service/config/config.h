@@ -57,7 +57,7 @@ typedef struct config {
     int64_t cache;   /* 0: no */
     int64_t file_mb; /* 0: no limit */
     sandbox_mode sandbox;
-    int64_t user_queued, user_running, user_submissions; /* 0: any number */
+    int64_t user_queued, user_tasks, user_running, user_submissions; /* 0: any number */
     config_list user_weights, user_priorities;
     double retry_s, retry_most_s;
     int64_t storage_retries;

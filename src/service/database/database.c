@@ -94,8 +94,9 @@ struct database {
     bool closing;
 
     pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
-    pthread_cond_t turn;
+    pthread_cond_t committed;
     change_list waiting;
+    uint64_t turn; /* of the last change with a user that was applied */
     bool leading;
     int nice; /* nice value of the thread that opened the database */
     pthread_t commit_thread;
@@ -336,12 +337,37 @@ static bool apply_all(database *d, const change_list *all)
     return false;
 }
 
-/* Commits all waiting changes. The caller holds the gate, which is released during the commit. */
+/* Sets the turn of a change with a user: after the turns of the same user's waiting changes (fair queueing). */
+static void set_turn(database *d, change *c)
+{
+    const change *other;
+    c->turn = d->turn;
+    STAILQ_FOREACH (other, &d->waiting, link)
+        if (other->user && strcmp(other->user, c->user) == 0 && other->turn > c->turn) c->turn = other->turn;
+    c->turn++;
+}
+
+/* Moves the changes of the next transaction to `all`: those without a user, and the one whose turn it is. */
+static void take_changes(database *d, change_list *all)
+{
+    change *c, *next, *first = NULL;
+    STAILQ_FOREACH (c, &d->waiting, link)
+        if (c->user && (!first || c->turn < first->turn)) first = c;
+    if (first) d->turn = first->turn;
+    for (c = STAILQ_FIRST(&d->waiting); c; c = next) {
+        next = STAILQ_NEXT(c, link);
+        if (c->user && c != first) continue;
+        STAILQ_REMOVE(&d->waiting, c, change, link);
+        STAILQ_INSERT_TAIL(all, c, link);
+    }
+}
+
+/* Commits waiting changes. The caller holds the gate, which is released during the commit. */
 static void lead(database *d)
 {
     d->leading = true;
     change_list all = STAILQ_HEAD_INITIALIZER(all);
-    STAILQ_CONCAT(&all, &d->waiting);
+    take_changes(d, &all);
     pthread_mutex_unlock(&d->gate);
     pthread_mutex_lock(&d->mutex);
     bool different = apply_all(d, &all);
@@ -353,7 +379,7 @@ static void lead(database *d)
         c->done = true; /* from here its thread may have returned, and the change may be gone */
     }
     d->leading = false;
-    pthread_cond_broadcast(&d->turn);
+    pthread_cond_broadcast(&d->committed);
     if (!STAILQ_EMPTY(&d->waiting) && d->slow) pthread_cond_signal(&d->entrusted);
 }
 
@@ -397,11 +423,16 @@ bool database_change(database *d, change *c, error *e)
     if (!health_allows_changes(d->health, e)) return false;
     const bool slow = d->commits && getpriority(PRIO_PROCESS, 0) > d->nice;
     pthread_mutex_lock(&d->gate);
+    if (c->user) set_turn(d, c);
     STAILQ_INSERT_TAIL(&d->waiting, c, link);
     d->slow += slow;
     if (slow) pthread_cond_signal(&d->entrusted);
-    while (!c->done && (slow || d->leading)) pthread_cond_wait(&d->turn, &d->gate);
-    if (!c->done) lead(d);
+    while (!c->done) {
+        if (slow || d->leading)
+            pthread_cond_wait(&d->committed, &d->gate);
+        else
+            lead(d);
+    }
     d->slow -= slow;
     pthread_mutex_unlock(&d->gate);
     if (!c->ok && e) *e = c->fault;
@@ -624,7 +655,7 @@ static void make_locks(database *d)
     pthread_mutex_init(&d->mutex, NULL);
     pthread_cond_init(&d->log_is_long, NULL);
     pthread_mutex_init(&d->gate, NULL);
-    pthread_cond_init(&d->turn, NULL);
+    pthread_cond_init(&d->committed, NULL);
     pthread_cond_init(&d->entrusted, NULL);
     pthread_condattr_destroy(&monotonic);
     STAILQ_INIT(&d->waiting);
@@ -726,7 +757,7 @@ void database_close(database *d)
     pthread_mutex_destroy(&d->mutex);
     pthread_cond_destroy(&d->log_is_long);
     pthread_mutex_destroy(&d->gate);
-    pthread_cond_destroy(&d->turn);
+    pthread_cond_destroy(&d->committed);
     pthread_cond_destroy(&d->entrusted);
     free(d->woken);
     free(d->trouble);

@@ -7,7 +7,9 @@
  * `change` to database_change. One of the waiting threads applies all changes that have arrived, one after
  * another in a single transaction, and commits. Then all of these threads return. They share one flush to
  * disk, and readers never see a change that could still be lost. Each change has a savepoint: a failed change
- * is rolled back alone. If the commit fails, all changes of the transaction fail. A thread with a higher nice
+ * is rolled back alone. If the commit fails, all changes of the transaction fail. A change of many rows names a
+ * user: a transaction has at most one of these, and the users take turns. So the time of a transaction is
+ * bounded, whatever a user has stored. A thread with a higher nice
  * value than the one that opened the database never commits: a thread of the database does. Another thread
  * checkpoints the log, so that a change waits for the flush of the log only.
  */
@@ -45,11 +47,19 @@ void database_end_read(database *reader);
  * threads use the database. */
 void database_on_commit(database *d, void (*call)(void *context), void *context);
 
+/* Maximum number of rows of a table that a change with a user may change: a piece of a larger one. Larger: fewer
+ * flushes for an array; the changes of other users wait longer. 1000 rows take about 10 ms. */
+#define DATABASE_PIECE_ROWS 1000
+/* Maximum number of rows of a table that another change may change; a transaction has many of these. */
+#define DATABASE_FEW_ROWS 50
+
 typedef struct change change;
 struct change {
     /* Runs inside the transaction, possibly in another thread. The change is the first member of a larger
      * struct that has the outputs. */
     bool (*apply)(database *d, change *c);
+    const char *user; /* takes a turn of this user, for DATABASE_PIECE_ROWS; NULL: DATABASE_FEW_ROWS */
+    uint64_t turn;    /* used by the database */
     error fault;
     bool done, ok;
     STAILQ_ENTRY(change) link;

@@ -65,20 +65,23 @@
     ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
-/* Number of jobs in each state, for frequent measurements. */
-#define STATE_COUNT                                                                              \
-    "CREATE TABLE state_count ("                                                                 \
-    "  state TEXT PRIMARY KEY,"                                                                  \
-    "  jobs INTEGER NOT NULL CHECK (jobs >= 0)"                                                  \
-    ") STRICT, WITHOUT ROWID;"                                                                   \
-    "CREATE TRIGGER job_comes AFTER INSERT ON job BEGIN"                                         \
+/* Number of jobs in each state, for frequent measurements; without those that no caller sees (SCHEMA_WHOLE). */
+#define STATE_COUNT                             \
+    "CREATE TABLE state_count ("                \
+    "  state TEXT PRIMARY KEY,"                 \
+    "  jobs INTEGER NOT NULL CHECK (jobs >= 0)" \
+    ") STRICT, WITHOUT ROWID;" STATE_COUNT_CHANGES
+#define STATE_COUNT_CHANGES                                                                      \
+    "CREATE TRIGGER job_comes AFTER INSERT ON job WHEN new.tasks > 0 BEGIN"                      \
     "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
     "END;"                                                                                       \
-    "CREATE TRIGGER job_turns AFTER UPDATE OF state ON job WHEN new.state != old.state BEGIN"    \
-    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
-    "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
+    "CREATE TRIGGER job_turns AFTER UPDATE OF state, tasks ON job"                               \
+    "  WHEN new.state != old.state OR new.tasks != old.tasks BEGIN"                              \
+    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state AND old.tasks > 0;"        \
+    "  INSERT INTO state_count SELECT new.state, 1 WHERE new.tasks > 0"                          \
+    "    ON CONFLICT DO UPDATE SET jobs = jobs + 1;"                                             \
     "END;"                                                                                       \
-    "CREATE TRIGGER job_goes AFTER DELETE ON job BEGIN"                                          \
+    "CREATE TRIGGER job_goes AFTER DELETE ON job WHEN old.tasks > 0 BEGIN"                       \
     "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
     "END;"
 
@@ -91,6 +94,7 @@
 
 /* Users that have unfinished jobs or owe a turn, in the order of their turns (service/queue/owner). The table
  * service has one row with the values of the whole queue. */
+#define OWNER_TASKS "tasks INTEGER NOT NULL DEFAULT 0" /* unfinished ones */
 #define OWNER                                                       \
     "CREATE TABLE owner ("                                          \
     "  name TEXT PRIMARY KEY,"                                      \
@@ -98,8 +102,7 @@
     "  running INTEGER NOT NULL CHECK (running >= 0),"              \
     "  pass REAL NOT NULL,"                                         \
     "  priority INTEGER,"                                           \
-    "  first INTEGER"                                               \
-    ") STRICT, WITHOUT ROWID;"                                      \
+    "  first INTEGER, " OWNER_TASKS ") STRICT, WITHOUT ROWID;"      \
     "CREATE INDEX owner_turn ON owner (priority DESC, pass, first)" \
     "  WHERE priority IS NOT NULL;"                                 \
     "CREATE TABLE service ("                                        \
@@ -200,6 +203,30 @@
 /* The name of the task's file (queue.files). */
 #define FILE_NAME "file TEXT"
 #define BY_FRAME "by_frame INTEGER NOT NULL DEFAULT 0"
+
+/* Changes of many tasks of a job, in several transactions (service/queue/pieces). target: the state that the tasks
+ * get, from the number target_from on, with target_message. examine_from: the number from which held tasks are
+ * examined. */
+#define TARGET "target TEXT CHECK (target IN ('queued', 'failed', 'cancelled'))"
+#define TARGET_FROM "target_from INTEGER NOT NULL DEFAULT 0"
+#define TARGET_MESSAGE "target_message TEXT"
+#define EXAMINE_FROM "examine_from INTEGER"
+/* The number from which the results of all tasks must still be copied to output.directory; NULL: none. */
+#define COPY_FROM "copy_from INTEGER"
+/* Jobs and frames that have ended (job_state.ended), while jobs with a seq above `after` that wait for them are
+ * not updated. */
+#define ENDED                                                              \
+    "CREATE TABLE ended ("                                                 \
+    "  number INTEGER PRIMARY KEY,"                                        \
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"       \
+    "  is_whole INTEGER NOT NULL,"                                         \
+    "  frame INTEGER NOT NULL,"                                            \
+    "  after INTEGER NOT NULL"                                             \
+    ") STRICT;"                                                            \
+    "CREATE INDEX ended_by_job ON ended (job);"                            \
+    "CREATE INDEX job_pieces ON job (owner, seq) WHERE " SCHEMA_HAS_PIECES \
+    ";CREATE INDEX job_hidden ON job (seq) WHERE tasks = 0;"
+#define UNCOPIED "CREATE INDEX task_uncopied ON task (job, number) WHERE copy_code IS NOT NULL;"
 #define TASK_READY                                                                        \
     "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued' AND waits = 0;" \
     "CREATE INDEX task_held ON task (job, number) WHERE state = 'queued' AND waits > 0;"
@@ -261,13 +288,14 @@ static const char tables[] =
     "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
     "  " COPY_STATE ", " COPY_CODE ", " COPY_MESSAGE ", " ACCEPT ", " MAX_RUNNING ","
     "  " HELD ", " FIRST_HELD ", " CHUNK ", " CHUNKS_BUSY ","
+    "  " TARGET ", " TARGET_FROM ", " TARGET_MESSAGE ", " EXAMINE_FROM ", " COPY_FROM ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
     "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND COPYING UNDELIVERED
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
-    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;" READY
+    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;" READY ENDED
 
     "CREATE TABLE spec ("
     "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
@@ -297,7 +325,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;" TASK_READY
     "CREATE INDEX task_running ON task (job, number) WHERE state = 'running';"
-    "CREATE INDEX task_delayed ON task (not_before_ms) WHERE state = 'delayed';"
+    "CREATE INDEX task_delayed ON task (not_before_ms) WHERE state = 'delayed';" UNCOPIED
 
     "CREATE TABLE attempt ("
     "  job INTEGER NOT NULL,"
@@ -388,7 +416,7 @@ static const char add_frame_needs[] = "ALTER TABLE job ADD COLUMN " HELD ";"
                                       "ALTER TABLE task ADD COLUMN " WAITS ";"
                                       "ALTER TABLE dependency ADD COLUMN " BY_FRAME ";"
                                       "DROP INDEX job_ready; DROP INDEX task_ready;" READY TASK_READY;
-/* Migration from version 16, in which arrays had no chunks. */
+/* Migration from version 16, in which arrays had no chunks. The condition of job_ready changed again after 20. */
 static const char add_chunks[] = "ALTER TABLE job ADD COLUMN " CHUNK ";"
                                  "ALTER TABLE job ADD COLUMN " CHUNKS_BUSY ";";
 static const char renew_ready[] = "DROP INDEX job_ready;" READY;
@@ -406,6 +434,18 @@ static const char add_files[] = "ALTER TABLE task ADD COLUMN " FILE_NAME ";"
 /* Migration from versions in which a job failed if its result could not be copied. */
 static const char find_copies[] = "UPDATE job SET copy_state = 'delivered' WHERE succeeded > 0 AND"
                                   "  seq IN (SELECT job FROM spec WHERE directory IS NOT NULL);";
+/* Migration from version 20, in which each change was one transaction. */
+static const char add_pieces[] =
+    "ALTER TABLE job ADD COLUMN " TARGET ";"
+    "ALTER TABLE job ADD COLUMN " TARGET_FROM ";"
+    "ALTER TABLE job ADD COLUMN " TARGET_MESSAGE ";"
+    "ALTER TABLE job ADD COLUMN " EXAMINE_FROM ";"
+    "ALTER TABLE job ADD COLUMN " COPY_FROM ";"
+    "ALTER TABLE owner ADD COLUMN " OWNER_TASKS ";"
+    "UPDATE owner SET tasks ="
+    "  (SELECT coalesce(sum(ready + delayed + running), 0) FROM job WHERE job.owner = owner.name);"
+    "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes;" STATE_COUNT_CHANGES ENDED;
+static const char add_uncopied[] = UNCOPIED;
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
 /* Migration from builds before 1.0.0. The cache keys of some have no commit, so no result of them is reused.
@@ -419,11 +459,22 @@ static const struct step {
     int first, last;
     const char *sql;
 } steps[] = {
-    {0, 0, tables},           {11, 14, add_max_running}, /* these three before the index job_ready, whose condition has their columns */
-    {11, 16, add_chunks},     {11, 15, add_frame_needs},     {16, 16, renew_ready},
-    {11, 11, add_running},    {11, 11, add_reports},         {11, 12, add_undelivered},
-    {11, 13, add_accept},     {11, 17, add_cached_shown},    {11, 19, add_files},
-    {11, 18, forget_results}, {11, 11, find_linked_reports}, {11, 11, find_copies},
+    {0, 0, tables},
+    {11, 20, add_pieces}, /* these four before the index job_ready, whose condition has their columns */
+    {11, 14, add_max_running},
+    {11, 16, add_chunks},
+    {11, 15, add_frame_needs},
+    {16, 20, renew_ready},
+    {11, 11, add_running},
+    {11, 11, add_reports},
+    {11, 12, add_undelivered},
+    {11, 13, add_accept},
+    {11, 17, add_cached_shown},
+    {11, 19, add_files},
+    {11, 18, forget_results},
+    {11, 11, find_linked_reports},
+    {11, 11, find_copies},
+    {11, 20, add_uncopied},
 };
 
 bool schema_error_is_damage(int code)

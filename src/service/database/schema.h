@@ -14,7 +14,7 @@
 
 #include "base/core/error.h"
 
-#define SCHEMA_VERSION 20
+#define SCHEMA_VERSION 21
 /* The oldest version that is migrated: commit d10413d0. */
 #define SCHEMA_OLDEST 11
 
@@ -27,11 +27,18 @@
  * blocks the later ones. max_running 0: any number of tasks may run. A held task waits for frames of other
  * jobs;
  * in an ordered job it blocks the later ones, too. chunks_busy: all tasks that are ready wait for the running
- * tasks of their chunks. */
+ * tasks of their chunks. target: the tasks are being changed. */
 #define SCHEMA_CLAIMABLE                                      \
     "ready > held AND pending = 0 AND is_paused = 0 AND"      \
     " (is_ordered = 0 OR running + delayed + first_held = 0)" \
-    " AND (max_running = 0 OR running < max_running) AND chunks_busy = 0"
+    " AND (max_running = 0 OR running < max_running) AND chunks_busy = 0 AND target IS NULL"
+
+/* SQL condition on a row of job: the job is stored completely. A job without tasks is being stored (paused) or
+ * deleted (cancelled), and no caller sees it. */
+#define SCHEMA_WHOLE "job.tasks > 0"
+
+/* SQL condition on a row of job: its tasks are being changed (service/queue/pieces). */
+#define SCHEMA_HAS_PIECES "(target IS NOT NULL OR examine_from IS NOT NULL)"
 
 /* SQL condition on a row of job: it has succeeded, and queue.accept contains the outcomes of all tasks.
  * `accept` has the bit 1 << queue_outcome for each accepted outcome. */

@@ -522,6 +522,16 @@ static bool recover(executor *x, error *e)
     return true;
 }
 
+/* Continues changes of many tasks. Tasks may be ready afterwards. */
+static int64_t do_piece(void *context)
+{
+    executor *x = context;
+    bool more = false;
+    if (!queue_do_piece(x->q, &more, NULL)) return runner_retry_time();
+    if (more) executor_wake(x);
+    return more ? 0 : RUNNER_WHEN_WOKEN;
+}
+
 executor *executor_open(const executor_settings *settings, queue *q, runner *to, error *e)
 {
     assert(settings->engine && settings->worker);
@@ -552,6 +562,7 @@ executor *executor_open(const executor_settings *settings, queue *q, runner *to,
     }
     if (settings->outputs)
         x->redelivery = redelivery_add(to, q, settings->counts, settings->outputs, x->work_dir);
+    queue_wake_on_change(q, runner_add(to, "pieces", do_piece, x));
     x->retention = retention_add(to, q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd);
     return x;
 }
@@ -633,12 +644,13 @@ bool executor_apply_command(executor *x, const char *id, queue_command command, 
                             queue_state *now, error *e)
 {
     pthread_mutex_lock(&x->order);
-    bool ok = queue_apply_command(x->q, id, command, found, changed, now, e);
+    bool ok = queue_begin_command(x->q, id, command, found, changed, now, e);
     if (ok && *found && *now == QUEUE_CANCELLING)
         for (size_t i = 0; i < x->slot_count; i++) slot_cancel(x->slots[i], id);
     if (ok && *found && (command == QUEUE_PAUSE || command == QUEUE_RESUME))
         for (size_t i = 0; i < x->slot_count; i++) slot_pause(x->slots[i], id, command == QUEUE_PAUSE);
     pthread_mutex_unlock(&x->order);
+    if (ok && *changed) queue_complete(x->q, id, now, NULL); /* otherwise its task does it */
     if (ok && *changed && command == QUEUE_DELIVER && x->redelivery) redelivery_wake(x->redelivery);
     if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->work_dir, id);
     executor_wake(x);

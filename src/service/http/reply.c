@@ -49,6 +49,7 @@ static const reply_problem problems[] = {
     {"output_unwritable", 422, "The service cannot write to the output directory"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},
+    {"too_many_tasks", 429, "The user has too many tasks"},
     {"results_full", 507, "The results have reached their bound"},
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The caller may not give this priority"},

@@ -25,6 +25,7 @@
  *                                 Retry-After
  *     results_full 507            results have reached a limit, and none may be deleted; with Retry-After
  *     too_many_jobs 429           of one user; with Retry-After
+ *     too_many_tasks 429          of one user; with Retry-After
  *     too_many_submissions 429    of one user in an hour; with Retry-After
  *     priority_forbidden 403      user_priorities or the token permits only lower priorities
  *     too_many_requests 429       too many connections of one client or user, or too much memory for bodies

@@ -31,6 +31,7 @@ typedef enum ledger_resource {
     LEDGER_UPLOAD_BYTES,
     LEDGER_SUBMISSIONS, /* jobs an hour: what is taken is given back at the rate of the limit */
     LEDGER_JOBS,        /* unfinished; counted by the queue */
+    LEDGER_TASKS,       /* unfinished; counted by the queue */
     LEDGER_ATTEMPTS,    /* running; counted by the queue */
     LEDGER_RESULTS,     /* limited and counted by the queue */
     LEDGER_RESOURCES

@@ -14,6 +14,7 @@
 #include "service/queue/hold.h"
 #include "service/queue/members.h"
 #include "service/queue/owner.h"
+#include "service/queue/pieces.h"
 #include "service/queue/relation.h"
 #include "service/queue/usage.h"
 
@@ -27,10 +28,10 @@ typedef struct claiming {
     bool found;
 } claiming;
 
-/* Queues delayed tasks that are due. */
+/* Queues delayed tasks that are due. The next claim continues. */
 static bool promote(database *d, int64_t now, error *e)
 {
-    for (;;) {
+    for (int i = 0; i < DATABASE_FEW_ROWS; i++) {
         bool ok = false, any = false, found = false;
         int64_t job = 0;
         int number = 0;
@@ -58,6 +59,7 @@ static bool promote(database *d, int64_t now, error *e)
         j.ready++;
         if (!job_save(d, &before, &j, now, e)) return false;
     }
+    return true;
 }
 
 #define CLAIMED_COLUMNS JOB_COLUMNS ", " TASK_COLUMNS ", spec, timeout_ms, stall_ms, directory, cache_key"
@@ -345,8 +347,7 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
     snprintf(message, sizeof message,
              "this frame starts with the points of frame %d, which is %s: retry the job", frame,
              queue_state_name(x->state));
-    return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
-                                 e);
+    return pieces_begin(d, j, QUEUE_FAILED, message, now, e);
 }
 
 /* Records that the result of the task has to be copied to output.directory, or could not be copied. */

@@ -104,10 +104,12 @@ void queue_uncopied_clear(queue_uncopied *job)
 static bool read_tasks(database *d, int64_t seq, queue_uncopied *job, error *e)
 {
     bool ok = false;
-    sqlite3_stmt *s = ASK(d, e,
-                          "SELECT number, frame FROM task WHERE job = ?1 AND copy_code IS NOT NULL"
-                          " AND state = 'succeeded' ORDER BY number",
-                          integer(seq));
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT number, frame FROM task JOIN job ON job.seq = task.job WHERE task.job = ?1"
+            " AND (task.copy_code IS NOT NULL OR number >= copy_from) AND task.state = 'succeeded'"
+            " ORDER BY number",
+            integer(seq));
     while (database_next(d, s, &ok, e)) {
         job->tasks = mem_resize(job->tasks, (job->count + 1) * sizeof *job->tasks);
         job->tasks[job->count++] = (queue_task){
@@ -159,6 +161,9 @@ static bool note_copied(database *d, change *asked)
         !database_read_integer(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1", text(c->id)), &seq, e))
         return false;
     if (!seq) return true; /* the job has been deleted */
+    if (!RUN(d, e, "UPDATE job SET copy_from = ?2 + 1 WHERE seq = ?1 AND copy_from <= ?2", integer(seq),
+             integer(c->task->number)))
+        return false;
     if (c->fault)
         return RUN(d, e, "UPDATE task SET copy_code = ?3, copy_message = ?4 WHERE job = ?1 AND number = ?2",
                    integer(seq), integer(c->task->number), text(error_code_name(c->fault->code)),
@@ -188,7 +193,8 @@ static bool end_copying(database *d, change *asked)
                " WHERE job = ?1 AND copy_code IS NOT NULL ORDER BY number LIMIT 1) WHERE seq = ?1",
                integer(j.seq)) &&
            RUN(d, e,
-               "UPDATE job SET copy_state = iif(copy_code IS NULL, 'delivered', 'failed') WHERE seq = ?1",
+               "UPDATE job SET copy_state = iif(copy_code IS NULL, 'delivered', 'failed'), copy_from = NULL"
+               " WHERE seq = ?1",
                integer(j.seq)) &&
            job_save(d, &before, &j, clock_wall_ms(), e) &&
            job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,

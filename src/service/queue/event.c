@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "service/database/schema.h"
 #include "service/queue/members.h"
 #include "service/queue/job_row.h"
 
@@ -33,7 +34,7 @@ static queue_event_type type_from_name(const char *name)
  * that do not pass are read, too, since they determine the position of the page. */
 #define EVENTS                                                                                       \
     "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"          \
-    " (?2 IS NULL OR owner = ?2) AND"                                                                \
+    " " SCHEMA_WHOLE " AND (?2 IS NULL OR owner = ?2) AND"                                           \
     " (?3 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label.label = ?3 AND label.job = event.job))" \
     " FROM event CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1"
 #define OLDEST " ORDER BY event.seq"

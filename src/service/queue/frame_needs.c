@@ -8,7 +8,7 @@
 #define NEEDS                                                                          \
     "dependency AS link CROSS JOIN job AS need ON need.seq = link.needs"               \
     " CROSS JOIN task AS other ON other.job = link.needs AND other.frame = task.frame" \
-    " WHERE link.job = task.job AND link.by_frame = 1"
+    " WHERE link.job = task.job AND link.by_frame = 1 AND need.tasks > 0"
 
 /* Whether such a task has succeeded with an accepted outcome (SCHEMA_ACCEPTED); whether it has ended
  * otherwise. */
@@ -40,73 +40,80 @@ static bool count_rows(database *d, sqlite3_stmt *s, int *rows, int *zeros, erro
     return ok;
 }
 
-static bool has_needs(database *d, const job_state *j, bool *has, error *e)
+bool frame_needs_count(database *d, const job_state *j, int *count, error *e)
 {
     int64_t found = 0;
     bool ok = database_read_integer(
-        d, ASK(d, e, "SELECT 1 FROM dependency WHERE job = ?1 AND by_frame = 1 LIMIT 1", integer(j->seq)),
+        d, ASK(d, e, "SELECT count(*) FROM dependency WHERE job = ?1 AND by_frame = 1", integer(j->seq)),
         &found, e);
-    *has = found != 0;
+    *count = (int)found;
     return ok;
 }
 
-/* Fails the held tasks that cannot start any more: the task of one frame, or all. */
-static bool fail_held(database *d, job_state *j, int frame, int64_t now, error *e)
+/* Runs a statement that fails held tasks. */
+static bool fail_held(database *d, job_state *j, sqlite3_stmt *s, int *failed, error *e)
 {
-    int failed = 0, unused = 0;
-    const char *code = error_code_name(ERROR_DEPENDENCY_FAILED);
-    const bool all = frame == JOB_STATE_ALL_ENDED;
-    sqlite3_stmt *s =
-        all ? ASK(d, e, FAIL " RETURNING number", integer(j->seq), integer(0), integer(now), text(code))
-            : ASK(d, e, FAIL " AND frame = ?2 RETURNING number", integer(j->seq), integer(frame),
-                  integer(now), text(code));
-    if (!count_rows(d, s, &failed, &unused, e)) return false;
-    j->held -= failed;
-    j->ready -= failed;
-    j->failed += failed;
-    if (failed) job_state_note_ended(j, frame);
-    return all || !failed ||
-           job_state_add_event(d, j->seq, QUEUE_EVENT_TASK, QUEUE_FAILED, QUEUE_NO_OUTCOME, frame, 0, now, e);
+    int unused = 0;
+    if (!count_rows(d, s, failed, &unused, e)) return false;
+    j->held -= *failed;
+    j->ready -= *failed;
+    j->failed += *failed;
+    return true;
 }
 
-bool frame_needs_begin(database *d, job_state *j, int64_t now, error *e)
-{
-    bool has = false;
-    int rows = 0, free_rows = 0;
-    j->held = 0;
-    if (!has_needs(d, j, &has, e) || !has) return !has;
-    sqlite3_stmt *s =
-        ASK(d, e, "UPDATE task SET waits = " COUNT " WHERE job = ?1 AND state = 'queued' RETURNING waits",
-            integer(j->seq));
-    if (!count_rows(d, s, &rows, &free_rows, e)) return false;
-    j->held = rows - free_rows;
-    return fail_held(d, j, JOB_STATE_ALL_ENDED, now, e);
-}
-
-bool frame_needs_update(database *d, job_state *j, int frame, int64_t now, error *e)
+/* Runs a statement that counts anew what held tasks wait for. */
+static bool count_again(database *d, job_state *j, sqlite3_stmt *s, error *e)
 {
     int rows = 0, released = 0;
-    if (!fail_held(d, j, frame, now, e)) return false; /* first, so that failed tasks are not counted */
-    sqlite3_stmt *s =
-        frame == JOB_STATE_ALL_ENDED
-            ? ASK(d, e, "UPDATE task SET waits = " COUNT " WHERE job = ?1 AND " HELD " RETURNING waits",
-                  integer(j->seq))
-            : ASK(d, e,
-                  "UPDATE task SET waits = " COUNT " WHERE job = ?1 AND frame = ?2 AND " HELD
-                  " RETURNING waits",
-                  integer(j->seq), integer(frame));
     if (!count_rows(d, s, &rows, &released, e)) return false;
     j->held -= released;
     return true;
 }
 
+#define OF_FRAME " AND frame = ?2"
+#define OF_RANGE " AND number >= ?2 AND number < ?5"
+#define COUNT_AGAIN "UPDATE task SET waits = " COUNT " WHERE job = ?1 AND " HELD
+
+bool frame_needs_update(database *d, job_state *j, int frame, int64_t now, error *e)
+{
+    int failed = 0;
+    const char *code = error_code_name(ERROR_DEPENDENCY_FAILED);
+    /* first, so that failed tasks are not counted */
+    if (!fail_held(d, j,
+                   ASK(d, e, FAIL OF_FRAME " RETURNING number", integer(j->seq), integer(frame), integer(now),
+                       text(code)),
+                   &failed, e))
+        return false;
+    if (failed) {
+        job_state_note_ended(j, frame);
+        return job_state_add_event(d, j->seq, QUEUE_EVENT_TASK, QUEUE_FAILED, QUEUE_NO_OUTCOME, frame, 0, now,
+                                   e);
+    }
+    return count_again(
+        d, j, ASK(d, e, COUNT_AGAIN OF_FRAME " RETURNING waits", integer(j->seq), integer(frame)), e);
+}
+
+bool frame_needs_examine(database *d, job_state *j, int first, int end, int64_t now, error *e)
+{
+    int failed = 0;
+    const char *code = error_code_name(ERROR_DEPENDENCY_FAILED);
+    return fail_held(d, j,
+                     ASK(d, e, FAIL OF_RANGE " RETURNING number", integer(j->seq), integer(first),
+                         integer(now), text(code), integer(end)),
+                     &failed, e) &&
+           count_again(d, j,
+                       ASK(d, e, COUNT_AGAIN " AND number >= ?2 AND number < ?3 RETURNING waits",
+                           integer(j->seq), integer(first), integer(end)),
+                       e);
+}
+
 bool frame_needs_are_hopeless(database *d, const job_state *j, bool *hopeless, error *e)
 {
-    bool has = false;
+    int needs = 0;
     int64_t runnable = 0;
     *hopeless = false;
-    if (!has_needs(d, j, &has, e)) return false;
-    if (!has) return true;
+    if (!frame_needs_count(d, j, &needs, e)) return false;
+    if (!needs) return true;
     bool ok = database_read_integer(
         d,
         ASK(d, e,

@@ -13,13 +13,16 @@
 
 #include "service/queue/job_state.h"
 
-/* Counts the tasks that each queued task waits for, and fails tasks that cannot start. Call it when the tasks
- * of a job become queued: at its submission and at a retry. */
-bool frame_needs_begin(database *d, job_state *j, int64_t now, error *e);
+/* The number of jobs for whose frames the tasks of the job wait. A task that becomes queued is held with this
+ * number, until it is examined. */
+bool frame_needs_count(database *d, const job_state *j, int *count, error *e);
 
-/* As frame_needs_begin for held tasks, after the task of `frame` (JOB_STATE_ALL_ENDED: any number of tasks)
- * in another job has ended. */
+/* Examines the held task of `frame`, whose task in another job has ended: fails it if it cannot start, and counts
+ * anew what it waits for. */
 bool frame_needs_update(database *d, job_state *j, int frame, int64_t now, error *e);
+
+/* Examines the held tasks with the numbers from `first` to `end` - 1. Does not record that tasks have ended. */
+bool frame_needs_examine(database *d, job_state *j, int first, int end, int64_t now, error *e);
 
 /* *hopeless: the job waits for frames, and no task that a retry would run could start. */
 bool frame_needs_are_hopeless(database *d, const job_state *j, bool *hopeless, error *e);

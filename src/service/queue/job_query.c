@@ -18,7 +18,9 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     uint64_t commits = atomic_load(&q->commits);
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s =
-        ASK(d, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
+        ASK(d, e,
+            "SELECT " JOB_COLUMNS
+            ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1 AND " SCHEMA_WHOLE,
             text(id));
     while (database_next(d, s, &ok, e)) {
         got = true;
@@ -40,7 +42,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 /* Conditions of all listings. */
 #define CONDITIONS                                                                             \
     " (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR owner = ?4) AND (?6 IS NULL OR name = ?6)" \
-    " AND (?11 IS NULL OR instr(lower(name), lower(?11))) AND created_ms >= ?7 AND created_ms < ?8"
+    " AND (?11 IS NULL OR instr(lower(name), lower(?11))) AND created_ms >= ?7 AND created_ms < ?8 AND " SCHEMA_WHOLE
 #define LABELLED " AND (?5 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label = ?5 AND label.job = seq))"
 #define NEEDED "(SELECT seq FROM job WHERE id = ?14)"
 #define NEEDING                                                                   \
@@ -374,7 +376,7 @@ bool queue_list_input_jobs(queue *q, const char *name, const char *owner, queue_
     sqlite3_stmt *s =
         ASK(d, e,
             "SELECT id, state NOT IN (" SCHEMA_FINAL_STATES ") FROM input JOIN job ON seq = input.job"
-            " WHERE input.name = ?1 AND owner = ?2 ORDER BY input.job DESC",
+            " WHERE input.name = ?1 AND owner = ?2 AND " SCHEMA_WHOLE " ORDER BY input.job DESC",
             text(name), text(owner));
     *jobs = (queue_input_jobs){0};
     while (database_next(d, s, &ok, e)) {

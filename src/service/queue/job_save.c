@@ -9,6 +9,7 @@
 #include "service/queue/frame_needs.h"
 #include "service/queue/job_row.h"
 #include "service/queue/owner.h"
+#include "service/queue/pieces.h"
 
 /* The job gets the error of its first failed task. For an array the message also has the number of failed
  * tasks. */
@@ -55,6 +56,7 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, bool c
         " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
         " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
         " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, held = ?22, first_held = ?23, chunks_busy = ?24, error_code = NULL, error_message = NULL,"
+        " target = ?25, target_from = ?26, examine_from = ?27,"
         " delivered_ms = iif(?18 IS NOT NULL AND delivered >= ?11, coalesce(delivered_ms, ?18), NULL)"
         " WHERE seq = ?1",
         integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
@@ -63,7 +65,9 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, bool c
         integer(j->failed), integer(j->cancelled_tasks), integer(j->timed_out), integer(j->not_converged),
         integer(j->attempts), integer_if(j->started_ms, j->started_ms > 0), integer_if(j->finished_ms, final),
         integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved),
-        integer(j->held), integer(j->first_held), integer(chunks_busy));
+        integer(j->held), integer(j->first_held), integer(chunks_busy),
+        text(j->target == JOB_STATE_NO_TARGET ? NULL : queue_state_name((queue_state)j->target)),
+        integer(j->target_from), integer_if(j->examine_from, j->examine_from >= 0));
 }
 
 /* Adds the notification of the job's end to the outbox, if the job has a webhook. */
@@ -76,6 +80,11 @@ static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
                " SELECT seq, webhook, state, outcome, ?2, ?3, ?2 FROM job"
                " WHERE seq = ?1 AND webhook IS NOT NULL",
                integer(seq), integer(now), text(event));
+}
+
+static int count_unfinished(const job_state *j)
+{
+    return j->ready + j->delayed + j->running;
 }
 
 /* Stores one job; its dependents are not updated. */
@@ -100,17 +109,19 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
     if (j->state != before->state)
         ok = ok &&
              job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, outcome, QUEUE_NO_FRAME, 0, now, e);
-    return ok && owner_update(d, j->seq, (int)was_final - (int)is_final, j->running - before->running, e);
+    return ok &&
+           owner_update(d, j->seq, (int)was_final - (int)is_final,
+                        count_unfinished(j) - count_unfinished(before), j->running - before->running, e);
 }
 
-/* Updates one dependent job after the end of `need`; the dependent may end because of it. Needs are counted
+/* Updates one dependent job after the end of another; the dependent may end because of it. Needs are counted
  * again, since a retried job ends more than once. */
-static bool update_dependent(database *d, int64_t need, job_state *j, int64_t now, error *e)
+static bool update_dependent(database *d, job_state *j, int64_t now, error *e)
 {
     job_state before = *j;
-    bool lost = false;
+    int64_t lost = 0;
     if (!job_state_count_needs(d, j, &j->pending, &lost, e)) return false;
-    if (lost && !job_state_fail_dependent(d, j, need, now, e)) return false;
+    if (lost && j->target == JOB_STATE_NO_TARGET && !pieces_fail_dependent(d, j, lost, now, e)) return false;
     return save_one(d, &before, j, now, e);
 }
 
@@ -136,77 +147,122 @@ static bool next_frame_dependent(database *d, int64_t need, int64_t after, job_s
         e);
 }
 
-/* Jobs that have ended or have ended frames. The jobs that wait for them must still be updated. It is a list,
- * to avoid recursion. */
+/* A job that has ended, or has ended frames. */
+typedef struct ended_job {
+    int64_t seq, after; /* jobs with a seq above `after` that wait for it must still be updated */
+    bool whole;         /* the job has ended */
+    int frame;          /* job_state.ended */
+} ended_job;
+
+/* It is a list, to avoid recursion. */
 typedef struct ended_jobs {
-    struct ended_job {
-        int64_t seq;
-        bool whole; /* the job has ended */
-        int frame;  /* job_state.ended */
-    } * item;
+    ended_job *item;
     size_t count, capacity;
+    int rows; /* that this change may still change */
 } ended_jobs;
 
-static void add_ended(ended_jobs *list, const job_state *before, const job_state *j)
+static void add_ended(ended_jobs *list, const ended_job *ended)
 {
-    bool whole = queue_state_is_final(j->state) && !queue_state_is_final(before->state);
-    if (!whole && j->ended == JOB_STATE_NONE_ENDED) return;
+    if (!ended->whole && ended->frame == JOB_STATE_NONE_ENDED) return;
     if (list->count == list->capacity)
         list->item = mem_resize(list->item, (list->capacity = list->capacity * 2 + 4) * sizeof *list->item);
-    list->item[list->count++] = (struct ended_job){j->seq, whole, j->ended};
+    list->item[list->count++] = *ended;
 }
 
-static bool update_jobs(database *d, ended_jobs *list, int64_t seq, int64_t now, error *e)
+static void add_changed(ended_jobs *list, const job_state *before, const job_state *j)
 {
-    bool found = true, ok = true;
-    for (int64_t after = 0; ok && found;) {
+    bool whole = queue_state_is_final(j->state) && !queue_state_is_final(before->state);
+    add_ended(list, &(ended_job){.seq = j->seq, .whole = whole, .frame = j->ended});
+    list->rows -= j->tasks <= DATABASE_FEW_ROWS ? j->tasks : 1;
+}
+
+static bool update_jobs(database *d, ended_jobs *list, ended_job *ended, int64_t now, error *e)
+{
+    bool ok = true;
+    while (ok && ended->whole && list->rows > 0) {
         job_state j;
-        ok = next_dependent(d, seq, after, &j, &found, e);
-        if (!ok || !found) break;
-        after = j.seq;
+        ok = next_dependent(d, ended->seq, ended->after, &j, &ended->whole, e);
+        if (!ok || !ended->whole) break;
+        ended->after = j.seq;
         job_state before = j;
-        ok = update_dependent(d, seq, &j, now, e);
-        add_ended(list, &before, &j);
+        ok = update_dependent(d, &j, now, e);
+        add_changed(list, &before, &j);
     }
+    if (ok && !ended->whole) ended->after = 0; /* now the jobs that wait for frames */
     return ok;
 }
 
-static bool update_frames(database *d, ended_jobs *list, int64_t seq, int frame, int64_t now, error *e)
+static bool update_frames(database *d, ended_jobs *list, ended_job *ended, int64_t now, error *e)
 {
     bool found = true, ok = true;
-    for (int64_t after = 0; ok && found;) {
+    while (ok && found && list->rows > 0) {
         job_state j;
-        ok = next_frame_dependent(d, seq, after, &j, &found, e);
+        ok = next_frame_dependent(d, ended->seq, ended->after, &j, &found, e);
         if (!ok || !found) break;
-        after = j.seq;
+        ended->after = j.seq;
         job_state before = j;
-        ok = frame_needs_update(d, &j, frame, now, e);
-        if (ok && (j.held != before.held || j.ended != before.ended)) ok = save_one(d, &before, &j, now, e);
-        add_ended(list, &before, &j);
+        ok = ended->frame == JOB_STATE_ALL_ENDED ? pieces_examine(d, &j, now, e)
+                                                 : frame_needs_update(d, &j, ended->frame, now, e);
+        if (ok && (j.held != before.held || j.ended != before.ended || j.examine_from != before.examine_from))
+            ok = save_one(d, &before, &j, now, e);
+        add_changed(list, &before, &j);
     }
+    if (ok && !found) ended->frame = JOB_STATE_NONE_ENDED;
     return ok;
+}
+
+/* Stores that jobs which wait for this one must still be updated. */
+static bool store_ended(database *d, const ended_job *ended, error *e)
+{
+    return RUN(d, e,
+               "INSERT INTO ended (job, is_whole, frame, after) SELECT ?1, ?2, ?3, ?4"
+               " WHERE EXISTS (SELECT 1 FROM dependency WHERE needs = ?1)",
+               integer(ended->seq), integer(ended->whole), integer(ended->frame), integer(ended->after));
 }
 
 /* Updates the jobs that wait for the jobs in the list, and in turn the jobs that wait for jobs that end
- * thereby. */
+ * thereby. What exceeds the rows of this change is stored. Frees the list. */
 static bool update_dependents(database *d, ended_jobs *list, int64_t now, error *e)
 {
     bool ok = true;
+    list->rows = DATABASE_FEW_ROWS;
     for (size_t i = 0; ok && i < list->count; i++) {
-        struct ended_job ended = list->item[i];
-        if (ended.whole) ok = update_jobs(d, list, ended.seq, now, e);
-        if (ok && ended.frame != JOB_STATE_NONE_ENDED)
-            ok = update_frames(d, list, ended.seq, ended.frame, now, e);
+        ended_job ended = list->item[i];
+        if (ended.whole) ok = update_jobs(d, list, &ended, now, e);
+        if (ok && !ended.whole && ended.frame != JOB_STATE_NONE_ENDED)
+            ok = update_frames(d, list, &ended, now, e);
+        if (ok && (ended.whole || ended.frame != JOB_STATE_NONE_ENDED)) ok = store_ended(d, &ended, e);
     }
+    free(list->item);
     return ok;
 }
 
 bool job_save(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
     ended_jobs list = {0};
-    bool ok = save_one(d, before, j, now, e);
-    if (ok) add_ended(&list, before, j);
-    ok = ok && update_dependents(d, &list, now, e);
+    if (!save_one(d, before, j, now, e)) return false;
+    add_changed(&list, before, j);
+    return update_dependents(d, &list, now, e);
+}
+
+bool job_save_dependents(database *d, int64_t job, int64_t now, error *e)
+{
+    ended_jobs list = {0};
+    int64_t number = 0;
+    bool ok = false;
+#define NEXT_ENDED(condition) \
+    "SELECT number, job, is_whole, frame, after FROM ended " condition " ORDER BY number LIMIT 1"
+    sqlite3_stmt *s = job ? ASK(d, e, NEXT_ENDED("WHERE job = ?1"), integer(job))
+                          : database_ask(d, NEXT_ENDED(""), NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
+        number = sqlite3_column_int64(s, 0);
+        add_ended(&list, &(ended_job){.seq = sqlite3_column_int64(s, 1),
+                                      .whole = sqlite3_column_int(s, 2),
+                                      .frame = sqlite3_column_int(s, 3),
+                                      .after = sqlite3_column_int64(s, 4)});
+    }
+    ok = ok && RUN(d, e, "DELETE FROM ended WHERE number = ?1", integer(number));
+    if (ok) return update_dependents(d, &list, now, e);
     free(list.item);
-    return ok;
+    return false;
 }

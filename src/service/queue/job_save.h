@@ -9,7 +9,12 @@
 
 #include "service/queue/job_state.h"
 
-/* Stores the job state with the next revision. `before`: the job state as it was loaded. */
+/* Stores the job state with the next revision. `before`: the job state as it was loaded. If many jobs wait for
+ * this one, the table `ended` records which of them must still be updated. */
 bool job_save(database *d, const job_state *before, job_state *j, int64_t now, error *e);
+
+/* Updates some of the jobs that the first row of the table `ended` concerns. `job`: the first row of the job with
+ * this seq; 0: of all. */
+bool job_save_dependents(database *d, int64_t job, int64_t now, error *e);
 
 #endif

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "service/queue/job_state.h"
 
-#include <stdlib.h>
-
 #include "service/database/schema.h"
 #include "service/queue/job_row.h"
 #include "service/queue/owner.h"
-#include "service/queue/relation.h"
 
 static void read_state(sqlite3_stmt *s, job_state *j)
 {
@@ -35,8 +32,14 @@ static void read_state(sqlite3_stmt *s, job_state *j)
         .held = sqlite3_column_int(s, 22),
         .chunk = sqlite3_column_int(s, 23),
         .ended = JOB_STATE_NONE_ENDED,
+        .target = JOB_STATE_NO_TARGET,
+        .target_from = sqlite3_column_int(s, 25),
+        .examine_from = sqlite3_column_type(s, 26) == SQLITE_NULL ? -1 : sqlite3_column_int(s, 26),
     };
     queue_state_from_name((const char *)sqlite3_column_text(s, 2), &j->state);
+    queue_state target = QUEUE_QUEUED;
+    const char *name = (const char *)sqlite3_column_text(s, 24);
+    if (name && queue_state_from_name(name, &target)) j->target = (int)target;
 }
 
 bool job_state_load_row(database *d, sqlite3_stmt *s, job_state *j, bool *found, error *e)
@@ -51,8 +54,9 @@ bool job_state_load_row(database *d, sqlite3_stmt *s, job_state *j, bool *found,
 
 bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e)
 {
-    return job_state_load_row(d, ASK(d, e, "SELECT " JOB_STATE_COLUMNS " FROM job WHERE id = ?1", text(id)),
-                              j, found, e);
+    return job_state_load_row(
+        d, ASK(d, e, "SELECT " JOB_STATE_COLUMNS " FROM job WHERE id = ?1 AND " SCHEMA_WHOLE, text(id)), j,
+        found, e);
 }
 
 bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e)
@@ -84,6 +88,8 @@ bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_
 queue_state job_state_derive(const job_state *j)
 {
     int waiting = j->ready + j->delayed;
+    /* a retry has not reached these yet */
+    if (j->target == QUEUE_QUEUED) waiting += j->failed + j->timed_out + j->cancelled_tasks;
     if (!waiting && !j->running) {
         if (j->cancelled && j->cancelled_tasks) return QUEUE_CANCELLED;
         return j->failed            ? QUEUE_FAILED
@@ -114,49 +120,25 @@ bool job_state_begin(database *d, const job_state *j, int64_t now, error *e)
 {
     return job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
                                now, e) &&
-           owner_update(d, j->seq, 1, 0, e);
+           owner_update(d, j->seq, 1, j->tasks, 0, e);
 }
 
-bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
-                           const char *message, int64_t now, error *e)
-{
-    if (!RUN(d, e,
-             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5,"
-             " not_before_ms = NULL, waits = 0"
-             " WHERE job = ?1 AND state IN ('queued', 'delayed')",
-             integer(j->seq), text(queue_state_name(state)), text(code), text(message), integer(now)))
-        return false;
-    *job_state_counter(j, state) += j->ready + j->delayed;
-    if (j->array && j->ready + j->delayed) job_state_note_ended(j, JOB_STATE_ALL_ENDED);
-    j->ready = j->delayed = j->held = 0;
-    return true;
-}
-
-bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t now, error *e)
-{
-    char *message = NULL;
-    bool ok =
-        relation_describe_failure(d, j->seq, need, &message, e) &&
-        job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now, e);
-    free(message);
-    return ok;
-}
-
-bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
+bool job_state_count_needs(database *d, const job_state *j, int *pending, int64_t *lost, error *e)
 {
     bool ok = false;
     *pending = 0;
-    *lost = false;
-    sqlite3_stmt *s = ASK(d, e,
-                          "SELECT state, any_end FROM dependency JOIN job ON seq = needs"
-                          " WHERE dependency.job = ?1 AND by_frame = 0 AND NOT " SCHEMA_ACCEPTED,
-                          integer(j->seq));
+    *lost = 0;
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT state, any_end, needs FROM dependency JOIN job ON seq = needs"
+            " WHERE dependency.job = ?1 AND by_frame = 0 AND " SCHEMA_WHOLE " AND NOT " SCHEMA_ACCEPTED,
+            integer(j->seq));
     while (database_next(d, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
         bool any_end = sqlite3_column_int(s, 1);
         queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state);
         *pending += !(any_end && queue_state_is_final(state));
-        *lost |= !any_end && queue_state_is_final(state);
+        if (!any_end && queue_state_is_final(state)) *lost = sqlite3_column_int64(s, 2);
     }
     return ok;
 }

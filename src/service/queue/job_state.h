@@ -24,7 +24,14 @@ typedef struct job_state {
     int held;        /* ready tasks that wait for frames of other jobs (service/queue/frame_needs) */
     bool first_held; /* set by job_save: in an ordered job the first queued task is held */
     int ended;       /* the frame that has ended since the job state was loaded, see job_state_note_ended */
+    /* Changes of many tasks (service/queue/pieces): the state that the tasks get, from the number target_from on; the
+     * number from which held tasks are examined. */
+    int target; /* QUEUE_QUEUED, QUEUE_FAILED, QUEUE_CANCELLED; JOB_STATE_NO_TARGET: none */
+    int target_from;
+    int examine_from; /* -1: none */
 } job_state;
+
+#define JOB_STATE_NO_TARGET (-1)
 
 /* No task of a frame has ended; several have. */
 #define JOB_STATE_NONE_ENDED QUEUE_NO_FRAME
@@ -40,7 +47,7 @@ bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
 #define JOB_STATE_COLUMNS                                                                               \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
-    "retention_s, is_ordered, unresolved, held, chunk"
+    "retention_s, is_ordered, unresolved, held, chunk, target, target_from, examine_from"
 bool job_state_load_row(database *d, sqlite3_stmt *s, job_state *j, bool *found, error *e);
 
 /* The state that follows from the counts and flags. */
@@ -56,24 +63,13 @@ void job_state_count_outcome(job_state *j, queue_outcome outcome);
 /* Adds the first event of a job whose row was just inserted, and adds the job to the counts of its owner. */
 bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);
 
-/* Ends all waiting tasks in the final state `state`. `code` and `message` give the reason and may be NULL. */
-bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
-                           const char *message, int64_t now, error *e);
-
-/* Counts the jobs for which this one still waits. *lost: one of them had to succeed, and has ended without
- * success or with an outcome that it does not accept. */
-bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
-
-/* Fails all waiting tasks, because this job, which depends on the job with the seq `need`, will not start. */
-bool job_state_fail_dependent(database *d, job_state *j, int64_t need, int64_t now, error *e);
+/* Counts the jobs for which this one still waits. *lost: the seq of one that had to succeed, and has ended without
+ * success or with an outcome that it does not accept; 0: none. */
+bool job_state_count_needs(database *d, const job_state *j, int *pending, int64_t *lost, error *e);
 
 /* Adds an event. `frame` may be QUEUE_NO_FRAME; `attempt` is 0 if the event belongs to no attempt. */
 bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,
                          queue_outcome outcome, int frame, int attempt, int64_t now, error *e);
-
-/* Records that the directories of all tasks have to be removed. Call it in the transaction that deletes
- * the job. */
-bool job_state_note_removals(database *d, const job_state *j, error *e);
 
 /* The counter of tasks that ended in the state `final`. */
 int *job_state_counter(job_state *j, queue_state final);

@@ -7,7 +7,9 @@
 #ifndef HEXAD_SERVICE_QUEUE_MEMBERS_H
 #define HEXAD_SERVICE_QUEUE_MEMBERS_H
 
+#include <pthread.h>
 #include <stdatomic.h>
+#include <sys/queue.h>
 
 #include "service/database/database.h"
 #include "service/queue/queue.h"
@@ -26,6 +28,10 @@ struct queue {
     overtaken overtaken;
     queue_bounds bounds;
     running_time *running;
+    char owner_of_piece[QUEUE_OWNER_SIZE]; /* of the last piece of queue_do_piece */
+    pthread_mutex_t storing;               /* protects the next list */
+    pthread_cond_t stored;
+    LIST_HEAD(, submission_entry) entries;      /* submissions in progress (service/queue/submission.c) */
     atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* stamps of jobs */
     atomic_uint_fast64_t commits;
     bool changed[MEMBERS_STAMPS]; /* stamps that the next commit increments */

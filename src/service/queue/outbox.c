@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/core/clock.h"
+#include "service/database/schema.h"
 #include "service/queue/members.h"
 #include "service/queue/job_row.h"
 
@@ -26,7 +27,7 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
     static const char sql[] =
         "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms, event, ended_ms,"
         " name, labels, trace, copy_state, copy_code, copy_message FROM outbox"
-        " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
+        " JOIN job ON seq = job AND " SCHEMA_WHOLE " WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
         " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
     database *d = database_begin_read(q->database);
     sqlite3_stmt *s = ASK(d, e, sql, text(but));

@@ -14,14 +14,15 @@
 #define MAY_CLAIM "owner.priority IS NOT NULL AND " BELOW_LIMITS
 #define IN_TURN "owner.priority DESC, owner.pass, owner.first"
 
-static bool count(database *d, int64_t seq, int unfinished, int running, error *e)
+static bool count(database *d, int64_t seq, int unfinished, int tasks, int running, error *e)
 {
-    return RUN(d, e,
-               "INSERT INTO owner (name, unfinished, running, pass)"
-               " SELECT owner, max(?2, 0), max(?3, 0), turn FROM job CROSS JOIN service WHERE job.seq = ?1"
-               " ON CONFLICT (name) DO UPDATE SET unfinished = unfinished + ?2, running = running + ?3,"
-               " pass = iif(unfinished, pass, max(pass, excluded.pass))",
-               integer(seq), integer(unfinished), integer(running));
+    return RUN(
+        d, e,
+        "INSERT INTO owner (name, unfinished, running, pass, tasks)"
+        " SELECT owner, max(?2, 0), max(?3, 0), turn, max(?4, 0) FROM job CROSS JOIN service WHERE job.seq = ?1"
+        " ON CONFLICT (name) DO UPDATE SET unfinished = unfinished + ?2, running = running + ?3,"
+        " tasks = tasks + ?4, pass = iif(unfinished, pass, max(pass, excluded.pass))",
+        integer(seq), integer(unfinished), integer(running), integer(tasks));
 }
 
 /* Deletes users without jobs. A user whose next turn is in the future is kept while other users wait. */
@@ -32,9 +33,9 @@ static bool forget(database *d, error *e)
     return database_run(d, sql, NULL, 0, e);
 }
 
-bool owner_update(database *d, int64_t seq, int unfinished, int running, error *e)
+bool owner_update(database *d, int64_t seq, int unfinished, int tasks, int running, error *e)
 {
-    return ((!unfinished && !running) || count(d, seq, unfinished, running, e)) &&
+    return ((!unfinished && !tasks && !running) || count(d, seq, unfinished, tasks, running, e)) &&
            RUN(d, e,
                "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB
                " WHERE name = (SELECT owner FROM job WHERE seq = ?1)",
@@ -116,7 +117,7 @@ bool owner_may_continue(queue *q, int64_t seq, const queue_resources *resources,
     bool ok = database_read_integer(
         d,
         ASK(d, e,
-            "SELECT 1 FROM job CROSS JOIN owner ON owner.name = job.owner WHERE job.seq = ?8 AND is_paused = 0"
+            "SELECT 1 FROM job CROSS JOIN owner ON owner.name = job.owner WHERE job.seq = ?8 AND is_paused = 0 AND target IS NULL"
             " AND (max_running = 0 OR job.running < max_running) AND " BELOW_LIMITS " AND " FITS,
             integer(resources->most_of_owner), integer(resources->all_threads), integer(resources->threads),
             integer(resources->memory_mb), integer(resources->all_memory_mb), integer(q->bounds.user.bytes),

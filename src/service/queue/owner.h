@@ -19,9 +19,9 @@
 
 #include "service/queue/members.h"
 
-/* Updates the owner of the job `seq` after a change of the job: adds to the numbers of unfinished jobs and
- * running tasks, and finds the first job. */
-bool owner_update(database *d, int64_t seq, int unfinished, int running, error *e);
+/* Updates the owner of the job `seq` after a change of the job: adds to the numbers of unfinished jobs, of
+ * unfinished tasks and of running tasks, and finds the first job. */
+bool owner_update(database *d, int64_t seq, int unfinished, int tasks, int running, error *e);
 
 /* Records a turn of the owner of the job. `weights` may be NULL. */
 bool owner_take_turn(database *d, int64_t seq, const user_numbers *weights, error *e);

@@ -34,6 +34,9 @@ static queue *open_with(database *d, error *e)
     queue *q = mem_alloc(sizeof *q);
     q->database = d;
     q->bounds = (queue_bounds){.all = {INT64_MAX, INT64_MAX}, .user = {INT64_MAX, INT64_MAX}};
+    pthread_mutex_init(&q->storing, NULL);
+    pthread_cond_init(&q->stored, NULL);
+    LIST_INIT(&q->entries);
     sqlite3_update_hook(database_connection(d), note_row, q);
     database_on_commit(d, raise_stamps, q);
     if (running_read(q, past, &count, e)) {
@@ -44,9 +47,20 @@ static queue *open_with(database *d, error *e)
     return NULL;
 }
 
+/* Jobs that the last process has not stored completely are deleted (queue_delete_hidden). */
+static bool abandon_jobs(database *d, change *c)
+{
+    static const char sql[] =
+        "UPDATE job INDEXED BY job_hidden SET state = 'cancelled' WHERE tasks = 0 AND state = 'paused'";
+    return database_run(d, sql, NULL, 0, &c->fault);
+}
+
 queue *queue_open(const char *state_dir, error *e)
 {
-    return open_with(database_open(state_dir, e), e);
+    queue *q = open_with(database_open(state_dir, e), e);
+    change c = {.apply = abandon_jobs};
+    if (q) database_change(q->database, &c, NULL); /* otherwise the next start deletes them */
+    return q;
 }
 
 queue *queue_open_copy(const char *path, error *e)
@@ -59,6 +73,8 @@ void queue_close(queue *q)
     if (!q) return;
     database_close(q->database);
     running_time_free(q->running);
+    pthread_cond_destroy(&q->stored);
+    pthread_mutex_destroy(&q->storing);
     free(q);
 }
 

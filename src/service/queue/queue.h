@@ -196,6 +196,7 @@ typedef struct queue_submission {
     const char *webhook;          /* URL to notify of the job's end; or NULL */
     const char *key, *body_hash;  /* idempotency: both or none; each owner has separate keys */
     int64_t most_waiting;         /* maximum number of unfinished jobs of the owner; 0: no maximum */
+    int64_t most_tasks;           /* maximum number of unfinished tasks of the owner; 0: no maximum */
 } queue_submission;
 
 typedef enum queue_admission {
@@ -203,6 +204,7 @@ typedef enum queue_admission {
     QUEUE_REPLAYED,          /* the key was used with this body; the receipt has the job of that submission */
     QUEUE_MISMATCH,          /* the key was used with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs */
+    QUEUE_TOO_MANY_TASKS,    /* the owner would have more than most_tasks tasks */
     QUEUE_RESULTS_FULL,      /* a bound on all results is reached and none may be deleted (queue_bounds) */
     QUEUE_USER_RESULTS_FULL, /* a bound on the owner's results is reached */
     QUEUE_NO_SPACE,          /* free disk space is below the reserve of queue_reserve */
@@ -226,7 +228,9 @@ typedef struct queue_receipt {
     int frame;
 } queue_receipt;
 
-/* Stores the job if `receipt->admission` is QUEUE_CREATED, and nothing otherwise. */
+/* Stores the job if `receipt->admission` is QUEUE_CREATED, and nothing otherwise. A job with many tasks is stored
+ * in several transactions; no function returns it before the last one. A submission with the same owner and key
+ * waits meanwhile. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
 /* Whether the owner has used this idempotency key. */
@@ -340,13 +344,24 @@ typedef enum queue_command {
 bool queue_apply_command(queue *q, const char *id, queue_command command, bool *found, bool *changed,
                          queue_state *now, error *e);
 
+/* As queue_apply_command, without the changes of many tasks that follow: queue_complete makes them. The command
+ * is stored; after a crash queue_do_piece completes it. */
+bool queue_begin_command(queue *q, const char *id, queue_command command, bool *found, bool *changed,
+                         queue_state *now, error *e);
+/* Makes the changes of many tasks that commands on the job require. *now is unchanged if there is no such job. */
+bool queue_complete(queue *q, const char *id, queue_state *now, error *e);
+
+/* Makes some of the changes of many tasks, of one user after the other, and of jobs that wait for ended ones. *more:
+ * there may be further ones. One thread calls it, after each change of the queue. */
+bool queue_do_piece(queue *q, bool *more, error *e);
+
 typedef struct queue_retried {
     size_t count;              /* number of retried jobs */
     char (*others)[ULID_SIZE]; /* jobs that were not retried, in order of arrival; to be freed */
     size_t other_count;
 } queue_retried;
 
-/* Retries, in one change, the jobs that ended as dependency_failed because of this one, and their dependents
+/* Retries, one after another, the jobs that ended as dependency_failed because of this one, and their dependents
  * in turn. Jobs that still depend on a failed one are returned in `others`. `owner`: jobs of other owners are
  * neither retried nor returned; NULL: all are retried. */
 bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_retried *retried, error *e);
@@ -366,8 +381,12 @@ bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *
                   error *e);
 
 /* Deletes an ended job, and records its directories for removal (see queue_removal). *deleted is false if the
- * job has not ended. */
+ * job has not ended. On an error *deleted may be true: the job is hidden, and queue_delete_hidden deletes the
+ * rest. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
+
+/* Deletes the rest of one job that was deleted or stored in part. *more: there was one. */
+bool queue_delete_hidden(queue *q, bool *more, error *e);
 
 /* The ids of at most `limit` jobs whose retention has ended by one of these bounds, in one array that the
  * caller frees. */

@@ -13,14 +13,6 @@ static int frame_at(sqlite3_stmt *s, int column)
     return sqlite3_column_type(s, column) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, column);
 }
 
-bool job_state_note_removals(database *d, const job_state *j, error *e)
-{
-    return RUN(d, e,
-               "INSERT INTO removal (id, frame, attempts) SELECT id, frame, attempt FROM task"
-               " JOIN job ON job.seq = task.job WHERE task.job = ?1 ORDER BY number",
-               integer(j->seq));
-}
-
 bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, queue_removal **removals,
                          size_t *count, error *e)
 {

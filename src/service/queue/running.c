@@ -43,19 +43,37 @@ bool queue_store_running(queue *q, error *e)
     return database_change(q->database, &s.change, e);
 }
 
+typedef struct shortening {
+    change change;
+    int64_t now;
+    bool more;
+} shortening;
+
+/* Shortens some waits. */
 static bool shorten(database *d, change *asked)
 {
+    shortening *s = (shortening *)asked;
     error *e = &asked->fault;
-    int64_t now = clock_wall_ms();
-    return RUN(d, e,
-               "UPDATE task SET not_before_ms = ?1 + wait_ms"
-               " WHERE state = 'delayed' AND not_before_ms > ?1 + wait_ms",
-               integer(now)) &&
-           RUN(d, e, "UPDATE outbox SET due_ms = ?1 + wait_ms WHERE due_ms > ?1 + wait_ms", integer(now));
+    if (!RUN(d, e,
+             "UPDATE task SET not_before_ms = ?1 + wait_ms WHERE (job, number) IN"
+             " (SELECT job, number FROM task INDEXED BY task_delayed"
+             "  WHERE state = 'delayed' AND not_before_ms > ?1 + wait_ms LIMIT ?2)",
+             integer(s->now), integer(DATABASE_PIECE_ROWS)))
+        return false;
+    s->more = database_changes(d) > 0;
+    if (!RUN(d, e,
+             "UPDATE outbox SET due_ms = ?1 + wait_ms WHERE number IN"
+             " (SELECT number FROM outbox INDEXED BY outbox_by_time WHERE due_ms > ?1 + wait_ms LIMIT ?2)",
+             integer(s->now), integer(DATABASE_PIECE_ROWS)))
+        return false;
+    s->more |= database_changes(d) > 0;
+    return true;
 }
 
 bool queue_shorten_waits(queue *q, error *e)
 {
-    change c = {.apply = shorten};
-    return database_change(q->database, &c, e);
+    shortening s = {.change = {.apply = shorten, .user = ""}, .now = clock_wall_ms()};
+    bool ok = true;
+    for (s.more = true; ok && s.more;) ok = database_change(q->database, &s.change, e);
+    return ok;
 }

@@ -108,7 +108,8 @@ static bool work_off(retention *r, const char *id, error *e)
     queue_removal *tasks = NULL;
     size_t count = AT_ONCE;
     int64_t after = 0;
-    bool ok = true;
+    bool ok = true, more = !id;
+    while (ok && more && !runner_is_stopping(r->task)) ok = queue_delete_hidden(r->q, &more, e);
     while (count == AT_ONCE && !runner_is_stopping(r->task)) {
         pthread_mutex_lock(&r->removing);
         if (queue_list_removals(r->q, id, after, AT_ONCE, &tasks, &count, e)) {
@@ -157,10 +158,11 @@ static int64_t work_off_rest(retention *r)
 
 bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, error *e)
 {
-    if (!queue_delete(r->q, id, found, deleted, e)) return false;
-    if (!*deleted) return true;
+    *deleted = false;
+    const bool whole = queue_delete(r->q, id, found, deleted, e);
+    if (!*deleted) return whole;
     log_write(LOG_LEVEL_INFO, "job expired job=%s", id);
-    if (!work_off(r, id, NULL)) {
+    if (!whole || !work_off(r, id, NULL)) {
         set_left(r, true);
         retention_wake(r);
     }
