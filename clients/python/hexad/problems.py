@@ -42,6 +42,7 @@ __all__ = [
     "TooManyJobs",
     "TooManyRequests",
     "TooManySubmissions",
+    "TooManyTasks",
     "Unauthorized",
     "Unavailable",
     "BY_CODE",
@@ -184,6 +185,10 @@ class TooManyJobs(Problem):
     """The user has too many jobs (429)."""
 
 
+class TooManyTasks(Problem):
+    """The user has too many tasks (429)."""
+
+
 class ResultsFull(Problem):
     """The results have reached their bound (507)."""
 
@@ -239,6 +244,7 @@ BY_CODE: Dict[str, Type[Problem]] = {
     "output_unwritable": OutputUnwritable,
     "limit_memory": LimitMemory,
     "too_many_jobs": TooManyJobs,
+    "too_many_tasks": TooManyTasks,
     "results_full": ResultsFull,
     "too_many_submissions": TooManySubmissions,
     "priority_forbidden": PriorityForbidden,

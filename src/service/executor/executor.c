@@ -284,13 +284,15 @@ static bool next_repeat(executor *x, char id[ULID_SIZE])
 }
 
 /* Gives jobs the results of equal ones while all other slots are busy. Jobs that are not claimed here are
- * claimed later. */
+ * claimed later. The next turn continues, so that a user who offers jobs without end delays no other. */
 static void answer_repeats(executor *x)
 {
     char id[ULID_SIZE];
     slot *s = x->slots[x->workers];
     bool held = false;
-    while (slot_is_free(s) && next_repeat(x, id)) {
+    int taken = 0;
+    while (slot_is_free(s) && taken < CLAIMS_A_TURN && next_repeat(x, id)) {
+        if (++taken == CLAIMS_A_TURN) executor_wake(x);
         error e = {0};
         bool found = false;
         queue_claimed claimed = {0};

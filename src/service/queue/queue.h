@@ -671,7 +671,7 @@ typedef struct queue_removal {
 /* Lists removals with numbers above `after`, of one job or (id NULL) of all jobs. The caller frees them. */
 bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, queue_removal **removals,
                          size_t *count, error *e);
-/* Deletes the records, after the directories were removed. */
+/* Deletes at most 1000 records, after the directories were removed. */
 bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, error *e);
 
 /* A directory that belongs to a task by its name, and the state of that task in the queue. */

@@ -62,7 +62,7 @@ static bool end_removals(database *d, change *asked)
 
 bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, error *e)
 {
-    ending_removals x = {.change.apply = end_removals, .removals = removals, .count = count};
+    ending_removals x = {.change = {.apply = end_removals, .user = ""}, .removals = removals, .count = count};
     return database_change(q->database, &x.change, e);
 }
 

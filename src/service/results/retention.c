@@ -14,8 +14,10 @@
 #include "service/results/result.h"
 #include "files/file.h"
 
-/* Jobs or notes that are processed before the task checks whether it must end. */
+/* Jobs that are processed before the task checks whether it must end. */
 #define AT_ONCE 100
+/* Notes of directories that are removed with one flush. */
+#define REMOVALS_AT_ONCE 1000
 /* Wait after a failed removal, in milliseconds. */
 #define REMOVE_AGAIN_MS 10000
 /* Longest time between two collections of uploaded files, in milliseconds. */
@@ -106,13 +108,13 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
-    size_t count = AT_ONCE;
+    size_t count = REMOVALS_AT_ONCE;
     int64_t after = 0;
     bool ok = true, more = !id;
     while (ok && more && !runner_is_stopping(r->task)) ok = queue_delete_hidden(r->q, &more, e);
-    while (count == AT_ONCE && !runner_is_stopping(r->task)) {
+    while (count == REMOVALS_AT_ONCE && !runner_is_stopping(r->task)) {
         pthread_mutex_lock(&r->removing);
-        if (queue_list_removals(r->q, id, after, AT_ONCE, &tasks, &count, e)) {
+        if (queue_list_removals(r->q, id, after, REMOVALS_AT_ONCE, &tasks, &count, e)) {
             if (count) after = tasks[count - 1].number;
             if (count && !remove_tasks(r, tasks, count, e)) ok = false;
             free(tasks);
@@ -122,7 +124,7 @@ static bool work_off(retention *r, const char *id, error *e)
         }
         pthread_mutex_unlock(&r->removing);
     }
-    return ok && count < AT_ONCE;
+    return ok && count < REMOVALS_AT_ONCE;
 }
 
 static void set_left(retention *r, bool left)
