@@ -242,8 +242,9 @@ const config_row config_table[] = {
          "How many unfinished jobs a user may have; further ones are refused (too_many_jobs). 0: any number."},
     {SETTING(user_tasks), .type = CONFIG_INTEGER, .default_text = "2000000", .low = 0, .high = 1 << 30,
      .unit = "tasks",
-     .help = "How many unfinished tasks a user may have: one for each job, and one for each frame of an array. "
-             "Submissions beyond them are refused (too_many_tasks). 0: any number."},
+     .help =
+         "How many unfinished tasks a user may have: one for each job, and one for each frame of an array. "
+         "Submissions beyond them are refused (too_many_tasks). 0: any number."},
     {SETTING(user_running), .type = CONFIG_INTEGER, .default_text = "256", .low = 0, .high = 1 << 20,
      .unit = "attempts",
      .help = "How many attempts of a user run at once; the user's other jobs wait. 0: any number."},

@@ -26,4 +26,7 @@ bool pieces_fail_dependent(database *d, job_state *j, int64_t need, int64_t now,
 /* Begins to examine all held tasks (service/queue/frame_needs). */
 bool pieces_examine(database *d, job_state *j, int64_t now, error *e);
 
+/* Does one piece of a job that has a target or held tasks to examine. */
+bool pieces_next(database *d, job_state *j, int64_t now, error *e);
+
 #endif
