@@ -4,6 +4,8 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
 #include "base/core/background.h"
 #include "base/core/clock.h"
@@ -61,11 +63,32 @@ static void test_a_wait_ends_at_its_deadline(void **state)
     pthread_cond_destroy(&p.changed);
 }
 
+static void set(void *argument)
+{
+    *(bool *)argument = true;
+}
+
+static void test_a_call_writes_to_its_descriptor_at_its_end(void **state)
+{
+    (void)state;
+    bool is_set = false;
+    uint64_t count = 0;
+    int fd = eventfd(0, EFD_CLOEXEC);
+    background_call *c = background_call_start(set, &is_set, fd);
+    assert_int_equal(read(fd, &count, sizeof count), sizeof count); /* waits for the end */
+    assert_int_equal(count, 1);
+    assert_true(background_call_has_ended(c));
+    background_call_end(c);
+    assert_true(is_set);
+    close(fd);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_waiting_thread_is_woken),
         cmocka_unit_test(test_a_wait_ends_at_its_deadline),
+        cmocka_unit_test(test_a_call_writes_to_its_descriptor_at_its_end),
     };
     return cmocka_run_group_tests_name("background", tests, NULL, NULL);
 }

@@ -1,23 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "service/results/publication.h"
 
-#include <pthread.h>
-#include <stdatomic.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
+#include "base/core/background.h"
 #include "base/core/memory.h"
 
 struct publication {
-    pthread_t thread;
-    bool started;
+    background_call *call;
     output_place *outputs;
     char *user, *from, *directory, *temporary;
     int frame;
-    int end_fd;
-    atomic_bool ended;
     bool ok;
     error fault;
 };
@@ -28,14 +22,10 @@ char *publication_temporary(const char *from)
     return output_place_temporary(slash ? slash + 1 : from);
 }
 
-static void *run(void *argument)
+static void copy(void *argument)
 {
     publication *p = argument;
     p->ok = output_place_copy(p->outputs, p->user, p->from, p->directory, p->frame, p->temporary, &p->fault);
-    atomic_store(&p->ended, true);
-    ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* fails only if the counter is full, and then the eventfd is readable anyway */
-    return NULL;
 }
 
 publication *publication_start(output_place *outputs, const char *user, const char *from,
@@ -48,20 +38,18 @@ publication *publication_start(output_place *outputs, const char *user, const ch
     p->from = mem_strdup(from);
     p->directory = mem_strdup(directory);
     p->frame = frame;
-    p->end_fd = end_fd;
-    p->started = pthread_create(&p->thread, NULL, run, p) == 0;
-    if (!p->started) run(p); /* without a thread, this one copies, which delays other jobs */
+    p->call = background_call_start(copy, p, end_fd);
     return p;
 }
 
-bool publication_has_ended(publication *p)
+bool publication_has_ended(const publication *p)
 {
-    return atomic_load(&p->ended);
+    return background_call_has_ended(p->call);
 }
 
 bool publication_end(publication *p, error *e)
 {
-    if (p->started) pthread_join(p->thread, NULL);
+    background_call_end(p->call);
     bool ok = p->ok;
     if (!ok && e) *e = p->fault;
     free(p->user);

@@ -26,7 +26,7 @@ publication *publication_start(output_place *outputs, const char *user, const ch
                                const char *directory, int frame, int end_fd);
 
 /* Whether the copy has ended. Does not wait. */
-bool publication_has_ended(publication *p);
+bool publication_has_ended(const publication *p);
 
 /* Waits for the end of the copy, frees, and returns whether the copy succeeded. Errors: those of
  * output_place_copy. */
