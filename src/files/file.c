@@ -240,7 +240,7 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
     return text;
 }
 
-static void print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE])
+void store_print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE])
 {
     uint8_t digest[SHA256_DIGEST_SIZE];
     sha256_digest(context, sizeof digest, digest);
@@ -270,7 +270,7 @@ void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
     struct sha256_ctx context;
     sha256_init(&context);
     sha256_update(&context, count, bytes);
-    print_digest(&context, hex);
+    store_print_digest(&context, hex);
 }
 
 /* Bytes that are read at a time for a hash: a multiple of the blocks of hashed_stream. */
@@ -311,7 +311,7 @@ static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes
     if (got < 0)
         return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s",
                          strerror(why));
-    if (hex) print_digest(&context, hex);
+    if (hex) store_print_digest(&context, hex);
     *bytes = total;
     return true;
 }
@@ -320,6 +320,14 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
 {
     uint64_t unused;
     return read_file(fd, NULL, hex, bytes, &unused, e);
+}
+
+bool store_set_damaged(const char *name, error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the result file %s is damaged: its bytes have changed since it was written (SHA-256). "
+                     "Submit the job again, which computes it again.",
+                     name);
 }
 
 /* Reads a flushed file from the disk and compares it with what was written. */

@@ -76,6 +76,13 @@ bool store_file_place_verified(store_file *file, store_facts *out, error *e);
  * beginning and does not move the offset of `fd`. *bytes is the number of bytes read. */
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
+/* Ends a hash that was computed in pieces. */
+struct sha256_ctx;
+void store_print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE]);
+
+/* Sets the error input_damaged: the bytes of a file of a result do not have the hash that was stored with them.
+ * Returns false. */
+bool store_set_damaged(const char *name, error *e);
 
 /* Identifies a file and its last change on any host that mounts its file system. A change of the bytes
  * changes the identity. */

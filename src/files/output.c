@@ -11,6 +11,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <nettle/sha2.h>
+
 #include "base/core/denial.h"
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
@@ -290,23 +292,34 @@ bool store_output_try_root(bool of_user, int directory, const char *root, error 
     return false;
 }
 
-static bool copy_bytes(int from, int to)
+/* Copies bytes and hashes them. */
+static bool copy_bytes(int from, int to, char hex[STORE_HASH_SIZE])
 {
     char block[1 << 16];
+    struct sha256_ctx context;
+    sha256_init(&context);
     for (ssize_t got; (got = read(from, block, sizeof block)) != 0;) {
         if (got < 0 && errno == EINTR) continue;
         if (got < 0 || !transfer_write(to, block, (size_t)got)) return false;
+        sha256_update(&context, (size_t)got, (const uint8_t *)block);
     }
+    store_print_digest(&context, hex);
     return true;
 }
 
-static bool copy_file(const store_outputs *outputs, int from, int to, const char *name, const char *temporary)
+/* *damaged: the file has another hash, and is not copied. Otherwise sets errno on failure. */
+static bool copy_file(const store_outputs *outputs, int from, int to, const store_output_file *file,
+                      const char *temporary, bool *damaged)
 {
+    char hex[STORE_HASH_SIZE];
+    const char *name = file->name;
     int in = openat(from, name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     if (in < 0) return false;
     unlinkat(to, temporary, 0); /* left by an interrupted copy */
     int out = openat(to, temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-    bool ok = out >= 0 && copy_bytes(in, out) && adopt(outputs, out, outputs->mode) && store_flush(out);
+    bool ok = out >= 0 && copy_bytes(in, out, hex);
+    *damaged = ok && *file->sha256 && strcmp(hex, file->sha256) != 0;
+    ok = ok && !*damaged && adopt(outputs, out, outputs->mode) && store_flush(out);
     int why = errno;
     close(in);
     if (out >= 0 && close(out) != 0 && ok) {
@@ -322,18 +335,19 @@ static bool copy_file(const store_outputs *outputs, int from, int to, const char
     return ok;
 }
 
-bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
-                       int to, const char *path, const char *temporary, error *e)
+bool store_output_copy(const store_outputs *outputs, const char *from, const store_output_file *files,
+                       size_t count, int to, const char *path, const char *temporary, error *e)
 {
+    bool damaged = false;
     int source = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     bool ok = (source >= 0 || fail(e, "cannot be read", from)) &&
-              (unlinkat(to, names[count - 1], 0) == 0 || errno == ENOENT ||
+              (unlinkat(to, files[count - 1].name, 0) == 0 || errno == ENOENT ||
                fail_below(outputs, e, "cannot be replaced", path)) &&
               (fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path));
     for (size_t i = 0; ok && i < count; i++) {
         if (i + 1 == count) ok = fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path);
-        if (ok && !copy_file(outputs, source, to, names[i], temporary))
-            ok = fail_below(outputs, e, names[i], path);
+        if (ok && !copy_file(outputs, source, to, &files[i], temporary, &damaged))
+            ok = damaged ? store_set_damaged(files[i].name, e) : fail_below(outputs, e, files[i].name, path);
     }
     ok = ok && (fsync(to) == 0 || fail_below(outputs, e, "cannot be flushed", path));
     if (source >= 0) close(source);

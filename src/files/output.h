@@ -61,12 +61,19 @@ bool store_output_try(const store_outputs *outputs, int directory, const char *p
  * has directories: the administrator makes them. */
 bool store_output_try_root(bool of_user, int directory, const char *root, error *e);
 
-/* Copies the named files from the directory `from` to the open directory `to`; `path` is for messages.
- * `temporary` is a plain name that no other file in the directory has. A process that is killed leaves at
- * most a file of this name. Copies into one directory must not overlap. Errors are those of
- * store_output_open. */
-bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
-                       int to, const char *path, const char *temporary, error *e);
+/* A file to copy. */
+typedef struct store_output_file {
+    const char *name;
+    const char *sha256; /* in hexadecimal digits; "": unknown */
+} store_output_file;
+
+/* Copies files from the directory `from` to the open directory `to`; `path` is for messages. The bytes are
+ * hashed while they are copied, and a file gets its name only if it has the hash. `temporary` is a plain name
+ * that no other file in the directory has. A process that is killed leaves at most a file of this name. Copies
+ * into one directory must not overlap. Errors are those of store_output_open, and input_damaged: a file
+ * has another hash. */
+bool store_output_copy(const store_outputs *outputs, const char *from, const store_output_file *files,
+                       size_t count, int to, const char *path, const char *temporary, error *e);
 
 /* Removes the temporary file of an interrupted copy. If the file is missing, returns true. If the directory
  * is missing, returns false and an error, because the directory may be on a disk that is not mounted. */

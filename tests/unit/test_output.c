@@ -44,7 +44,7 @@ typedef struct place {
 
 #define TEMPORARY ".job.1.hexad-tmp"
 
-static const char *const names[] = {"points.ply", "report.json"};
+static const store_output_file names[] = {{"points.ply", ""}, {"report.json", ""}};
 
 static void put(const char *directory, const char *name, const char *text)
 {
@@ -144,6 +144,27 @@ static void test_a_copy_over_another(void **state)
     while (readdir(listing)) entries++;
     closedir(listing);
     assert_int_equal(entries, 2 + 3);
+    free(there);
+}
+
+static void test_a_file_with_another_hash_is_not_copied(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    char hex[STORE_HASH_SIZE], *there = mem_printf("%s/a", p->root);
+    store_hash("points", 6, hex);
+    const store_output_file files[] = {{"points.ply", hex}, {"report.json", ""}};
+    assert_true(store_directory_create(there, NULL));
+    int to = store_output_open(&p->outputs, there, &e);
+    assert_true(store_output_copy(&p->outputs, p->from, files, 2, to, there, TEMPORARY, &e));
+    put(p->from, "points.ply", "pointz");
+    assert_false(store_output_copy(&p->outputs, p->from, files, 2, to, there, TEMPORARY, &e));
+    assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
+    assert_non_null(strstr(e.message, "points.ply is damaged"));
+    expect_text(p->root, "a/points.ply", "points");
+    assert_int_equal(faccessat(to, "report.json", F_OK, 0), -1);
+    assert_int_equal(faccessat(to, TEMPORARY, F_OK, 0), -1);
+    close(to);
     free(there);
 }
 
@@ -398,6 +419,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_a_copy_with_mode_and_group, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_with_another_hash_is_not_copied, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_failed_copy_is_not_marked_complete, set_up, tear_down),
         cmocka_unit_test(test_a_root_of_users),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),

@@ -301,11 +301,13 @@ static json *new_summary(const json *report)
     return summary;
 }
 
-static bool write_summary(const char *directory, const json *report, size_t report_bytes, error *e)
+static bool write_summary(const char *directory, const json *report, const char *printed, error *e)
 {
-    char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, directory);
+    char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, directory), hex[STORE_HASH_SIZE];
     json *summary = new_summary(report);
-    json_put_integer(summary, "report_bytes", (int64_t)report_bytes);
+    store_hash(printed, strlen(printed), hex);
+    json_put_integer(summary, "report_bytes", (int64_t)strlen(printed));
+    json_put_string(summary, "report_sha256", hex);
     char *text = json_print(summary);
     FILE *file = fopen(path, "we");
     bool ok = file && fputs(text, file) >= 0;
@@ -323,7 +325,7 @@ static bool write_report(void *context, const json *report, error *e)
     char *path = mem_printf("%s/report.json", directory), *text = json_print_pretty(report);
     size_t length = strlen(text);
     store_file file = {0};
-    bool ok = write_summary(directory, report, length, e) && store_file_begin_hashed(path, &file, e);
+    bool ok = write_summary(directory, report, text, e) && store_file_begin_hashed(path, &file, e);
     if (ok) {
         fwrite(text, 1, length, file.stream); /* the flush checks the stream's error flag */
         ok = store_file_place_verified(&file, NULL, e) && store_directory_sync(directory, e);

@@ -309,10 +309,12 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
 
 void settlement_decide_unpublished(const error *why, settlement *s)
 {
-    s->keep = error_is_of_storage(why->code);
-    if (s->keep) {
+    error fault = *why;
+    if (why->code == ERROR_INPUT_DAMAGED) fault.code = ERROR_STORAGE_FAILED; /* of the disk of the attempt */
+    if (error_is_of_storage(fault.code)) {
+        s->keep = why->code == fault.code;
         s->outcome = QUEUE_NO_OUTCOME;
-        set_storage(s, why);
+        set_storage(s, &fault);
     } else {
         s->copy_fault = *why;
     }
@@ -524,10 +526,11 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     bool found = lstat(results, &info) == 0;
     /* an earlier version may have ended after it gave the task the report of another job */
     bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why) &&
+                result_compare_at_start(results, &r, &why) &&
                 (c->task.frame != QUEUE_NO_FRAME || own_report_correct(results, c->job.spec, &why));
     const queue_outcome outcome = r.outcome;
     result_clear(&r);
-    if (found && !good && why.code != ERROR_NONE &&
+    if (found && !good && why.code != ERROR_NONE && !error_is_of_storage(why.code) &&
         why.code != ERROR_INPUT_DAMAGED) { /* never discard what could not be examined */
         free(results);
         if (e) *e = why;

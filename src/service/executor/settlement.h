@@ -89,8 +89,8 @@ void settlement_decide_cached(queue_outcome outcome, const char *from, settlemen
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);
 
 /* Changes the decision because the result could not be copied to output.directory. If a disk was at fault,
- * the task is queued again. Otherwise the task succeeds, and the queue stores why the result was not
- * delivered. */
+ * the task is queued again, without its result if that is damaged. Otherwise the task succeeds, and the
+ * queue stores why the result was not delivered. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
 /* Delay after a crashed attempt: `first_s` after the first one that counts, doubled after each further one,

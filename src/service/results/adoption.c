@@ -125,7 +125,8 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
                        ? result_read_report(directory, &r, &why)
                        : NULL;
     if (report) take_file(report, &task.file);
-    bool ok = report && take_report(directory, report, is_shared(directory, &r), j, &task.finished_ms);
+    bool ok = report && result_compare_at_start(directory, &r, &why) &&
+              take_report(directory, report, is_shared(directory, &r), j, &task.finished_ms);
     if (ok) {
         task.outcome = r.outcome;
         j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);

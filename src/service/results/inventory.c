@@ -167,7 +167,10 @@ static bool end_from_result(queue *q, const char *work_dir, const queue_director
     error why = {0};
     bool accepted = false;
     char *directory = result_directory(work_dir, d->id, d->frame);
-    bool whole = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why);
+    bool whole = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why) &&
+                 result_compare_at_start(directory, &r, &why);
+    if (r.output && !whole)
+        log_write(LOG_LEVEL_WARNING, "a result is not used: %s: %s", directory, why.message);
     bool ok = whole || why.code != ERROR_INTERNAL ||
               error_set(e, ERROR_INTERNAL, "the result %s: %s", directory, why.message);
     if (whole)

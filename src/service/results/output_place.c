@@ -129,12 +129,13 @@ static bool check_owner(const output_place *p, const char *user, const char *nam
 /* Copies a file of all frames to the open directory above the directories of the frames. The record of its
  * owner has the path of the file instead of a directory, because the directory may contain the report of
  * another user. */
-static bool copy_stage(output_place *p, const char *user, const char *from, const char *file, int to,
-                       const char *above, const char *temporary, error *e)
+static bool copy_stage(output_place *p, const char *user, const char *from, const result_output *stage,
+                       int to, const char *above, const char *temporary, error *e)
 {
-    char *name = name_of(to, above), *whole = mem_printf("%s/%s", name, file);
-    char *own = mem_printf("%s.%s", temporary, file); /* records of temporary files need names of their own */
-    bool ok = check_owner(p, user, contains(to, file) ? whole : NULL, whole, e) &&
+    const store_output_file file = {stage->name, stage->sha256};
+    char *name = name_of(to, above), *whole = mem_printf("%s/%s", name, file.name);
+    char *own = mem_printf("%s.%s", temporary, file.name); /* records of temporary files have own names */
+    bool ok = check_owner(p, user, contains(to, file.name) ? whole : NULL, whole, e) &&
               queue_note_copy(p->q, above, own, whole, user, e) &&
               store_output_copy(p->outputs, from, &file, 1, to, above, own, e) &&
               queue_forget_copy(p->q, own, e);
@@ -155,7 +156,7 @@ static bool copy_stages(output_place *p, const char *user, const result *r, cons
     bool taken = to >= 0 && store_turns_take(p->turns, to, &turn, e), ok = taken;
     for (size_t i = 0; ok && i < r->output_count; i++)
         if (frames_is_stage(r->output[i].name))
-            ok = copy_stage(p, user, from, r->output[i].name, to, above, temporary, e);
+            ok = copy_stage(p, user, from, &r->output[i], to, above, temporary, e);
     if (taken) store_turns_end(p->turns, turn);
     if (to >= 0) close(to);
     return ok;
@@ -165,16 +166,17 @@ static bool copy_in_turn(output_place *p, const char *user, const result *r, con
                          const char *path, const char *temporary, error *e)
 {
     size_t count = 0;
-    const char **names = mem_alloc((r->output_count + 1) * sizeof *names);
+    store_output_file *files = mem_alloc((r->output_count + 1) * sizeof *files);
     for (size_t i = 0; i < r->output_count; i++)
-        if (!frames_is_stage(r->output[i].name)) names[count++] = r->output[i].name;
-    names[count++] = WORKER_REPORT_NAME;
+        if (!frames_is_stage(r->output[i].name))
+            files[count++] = (store_output_file){r->output[i].name, r->output[i].sha256};
+    files[count++] = (store_output_file){WORKER_REPORT_NAME, r->report_sha256};
     char *there = name_with_report(to, path), *name = name_of(to, path);
     bool ok = check_owner(p, user, there, path, e) && queue_note_copy(p->q, path, temporary, name, user, e) &&
-              store_output_copy(p->outputs, from, names, count, to, path, temporary, e);
+              store_output_copy(p->outputs, from, files, count, to, path, temporary, e);
     free(there);
     free(name);
-    free(names);
+    free(files);
     return ok;
 }
 

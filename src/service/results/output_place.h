@@ -47,7 +47,7 @@ char *output_place_temporary(const char *unique);
  * copied to the directory above the directories of all frames instead; they are not copied if there is none,
  * or if it is not below an output root. `temporary` is the name of the temporary file; a crash may leave it
  * there. Errors, which name output.directory: those of result_read, store_output_open, store_output_copy
- * and the queue; output_taken. */
+ * and the queue; output_taken. input_damaged: the result itself is damaged or incomplete. */
 bool output_place_copy(output_place *p, const char *user, const char *from, const char *directory, int frame,
                        const char *temporary, error *e);
 

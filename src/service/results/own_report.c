@@ -67,15 +67,15 @@ static bool copy_report(const char *from, const char *to, const char *spec, erro
     return ok;
 }
 
-/* Writes the summary of the copied report: only `report_bytes` differs. It is not flushed to disk, like the
+/* Writes the summary of the copied report: only its length and hash differ. It is not flushed to disk, like the
  * summary that a worker writes: without a valid one the report is read. */
 static void write_summary(const char *to, json *summary)
 {
     int64_t bytes = 0;
-    int fd = result_open_file(to, WORKER_REPORT_NAME, &bytes, NULL);
-    if (fd < 0) return;
-    close(fd);
+    char hex[STORE_HASH_SIZE];
+    if (!result_hash_file(to, WORKER_REPORT_NAME, hex, &bytes, NULL)) return;
     json_put_integer(summary, "report_bytes", bytes);
+    json_put_string(summary, "report_sha256", hex);
     char *path = mem_printf("%s/" WORKER_SUMMARY_NAME, to), *text = json_print(summary);
     FILE *file = fopen(path, "we");
     if (!file || fputs(text, file) < 0)

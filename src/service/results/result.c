@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/core/log.h"
+#include "base/core/manager.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "base/json/json.h"
@@ -148,6 +149,7 @@ static char *read_notes(json_at report)
 static bool read_report(const char *directory, const json *report, result *r, error *e)
 {
     json_at root = json_root(report);
+    const char *hash = json_string(json_member(&root, "report_sha256"), "");
     const char *outcome = json_string(json_member(&root, "outcome"), "");
     double count = json_number(json_member(&root, "count"), -1);
     json_at outputs = json_member(&root, "outputs");
@@ -158,6 +160,7 @@ static bool read_report(const char *directory, const json *report, result *r, er
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");
     r->count = (int64_t)count;
     r->report_bytes = (int64_t)json_number(json_member(&root, "report_bytes"), -1);
+    snprintf(r->report_sha256, sizeof r->report_sha256, "%s", hash);
     r->notes = read_notes(root);
     size_t listed = json_size(outputs);
     if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
@@ -220,9 +223,15 @@ static json *read_document(const char *directory, const char *name, size_t limit
     return NULL;
 }
 
+/* The hash of the report is in its summary. */
 json *result_read_report(const char *directory, result *r, error *e)
 {
-    return read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, r, e);
+    result of_summary = {0};
+    json *report = read_document(directory, WORKER_REPORT_NAME, REPORT_LIMIT_BYTES, r, e);
+    if (report && result_read(directory, &of_summary, NULL))
+        memcpy(r->report_sha256, of_summary.report_sha256, sizeof r->report_sha256);
+    result_clear(&of_summary);
+    return report;
 }
 
 static bool read_named(const char *directory, const char *name, size_t limit, result *r, error *e)
@@ -276,17 +285,51 @@ void result_forget_list(const char *directory)
     free(path);
 }
 
-/* Adds report.json with its length and hash to the outputs. */
+bool result_hash_file(const char *directory, const char *name, char hex[STORE_HASH_SIZE], int64_t *bytes,
+                      error *e)
+{
+    uint64_t hashed = 0;
+    int fd = result_open_file(directory, name, bytes, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash(fd, hex, &hashed, e);
+    close(fd);
+    *bytes = (int64_t)hashed;
+    return ok;
+}
+
+static bool compare_file(const char *directory, const char *name, const char *sha256, error *e)
+{
+    char hex[STORE_HASH_SIZE];
+    int64_t bytes;
+    return result_hash_file(directory, name, hex, &bytes, e) &&
+           (strcmp(hex, sha256) == 0 || store_set_damaged(name, e));
+}
+
+bool result_compare(const char *directory, const result *r, error *e)
+{
+    for (size_t i = 0; i < r->output_count; i++)
+        if (!compare_file(directory, r->output[i].name, r->output[i].sha256, e)) return false;
+    return !*r->report_sha256 || compare_file(directory, WORKER_REPORT_NAME, r->report_sha256, e);
+}
+
+/* Bytes of results that any working disk reads in a second. */
+static const double SLOW_BYTES = 1e7;
+
+bool result_compare_at_start(const char *directory, const result *r, error *e)
+{
+    double bytes = 0;
+    for (size_t i = 0; i < r->output_count; i++) bytes += (double)r->output[i].bytes;
+    manager_report_starting(60 + bytes / SLOW_BYTES);
+    return result_compare(directory, r, e);
+}
+
+/* Adds report.json to the outputs, with its length and the hash that the worker computed, or that of its
+ * bytes. */
 static bool append_report(const char *directory, result *r, error *e)
 {
     result_output own = {0};
-    uint64_t hashed = 0;
-    int fd = result_open_file(directory, WORKER_REPORT_NAME, &own.bytes, e);
-    if (fd < 0) return false;
-    bool ok = store_file_hash(fd, own.sha256, &hashed, e);
-    close(fd);
-    if (!ok) return false;
-    own.bytes = (int64_t)hashed;
+    if (!result_hash_file(directory, WORKER_REPORT_NAME, own.sha256, &own.bytes, e)) return false;
+    if (*r->report_sha256) memcpy(own.sha256, r->report_sha256, sizeof own.sha256);
     own.name = mem_strdup(WORKER_REPORT_NAME);
     r->output = mem_resize(r->output, (r->output_count + 1) * sizeof *r->output);
     r->output[r->output_count++] = own;

@@ -16,6 +16,7 @@
 #include "base/core/error.h"
 #include "base/json/json.h"
 #include "service/queue/queue.h"
+#include "files/file.h"
 
 #define RESULT_LOG_NAME "worker.log" /* written by the engine: the standard error of the worker */
 
@@ -30,6 +31,7 @@ typedef struct result {
     int64_t count; /* of points */
     /* length of report.json by the summary; -1: the result was not read from a summary */
     int64_t report_bytes;
+    char report_sha256[65]; /* by the summary or a stored list; "": unknown */
     size_t output_count;
     result_output *output; /* in the order of the report; only result_list adds report.json */
     char *notes; /* JSON object of what users should read before they use the result: count, spacing,
@@ -40,6 +42,14 @@ typedef struct result {
  * not complete or not valid. internal: it could not be read (no descriptors, a disk error); it may be
  * valid. */
 bool result_read(const char *directory, result *r, error *e);
+
+/* Compares the bytes of each file of a result that was read, also of report.json if its hash is known, with
+ * the hash that was stored when the result was made. Reads all files: for threads that no other user waits
+ * for. Errors: input_damaged names the file that differs or is missing; those of store_file_hash; internal. */
+bool result_compare(const char *directory, const result *r, error *e);
+
+/* As result_compare, before the service is ready: has the service manager wait for it. */
+bool result_compare_at_start(const char *directory, const result *r, error *e);
 
 /* Reads like result_read, but always report.json, and returns the parsed report, to be freed; NULL on
  * failure. Its member `sweeps` is null, so that a long report is never in memory as a whole. */
@@ -73,6 +83,10 @@ void result_clear(result *r); /* accepts an empty one */
  * or -1. `name` must be without directories. Errors: input_damaged: it does not exist or is not a regular
  * file; internal. */
 int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e);
+
+/* Hashes a file of a result; *bytes is its length. Errors: those of result_open_file and store_file_hash. */
+bool result_hash_file(const char *directory, const char *name, char hex[STORE_HASH_SIZE], int64_t *bytes,
+                      error *e);
 
 /* The paths "WORK_DIR/results/ID" and "WORK_DIR/attempts/ID.N"; with a frame "ID.FRAME" replaces ID. To be
  * freed. `frame` is QUEUE_NO_FRAME if the job is not an array. */
