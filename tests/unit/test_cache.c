@@ -31,6 +31,9 @@ static void put(const char *path, const char *text)
     assert_true(store_file_write(path, text, strlen(text), NULL));
 }
 
+/* The SHA-256 of "x". */
+#define OF_X "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881"
+
 /* Writes the report of a worker that has opened the input in its present state. */
 static void write_report(const place *p)
 {
@@ -43,8 +46,8 @@ static void write_report(const place *p)
         "{\"outcome\":\"converged\",\"count\":7,\"spec\":{\"name\":\"first\"},\"inputs\":[{\"path\":\"%s\","
         "\"sha256\":\"ab\",\"bytes\":%" PRIu64 ",\"inode\":\"%" PRIu64 "\",\"mtime_ns\":\"%" PRId64
         "\",\"ctime_ns\":\"%" PRId64 "\"}],"
-        "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
-        p->input, id.bytes, id.inode, id.mtime_ns, id.ctime_ns, 0);
+        "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"" OF_X "\"}]}",
+        p->input, id.bytes, id.inode, id.mtime_ns, id.ctime_ns);
     put(path, text);
     free(text);
     free(path);
@@ -192,6 +195,20 @@ static void test_a_hit_shares_all_files_but_the_report(void **state)
     free(here);
 }
 
+static void test_a_damaged_result_is_not_linked(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    result r = {0};
+    char *points = mem_printf("%s/points.ply", p->result);
+    put(points, "y");
+    assert_false(cache_link_result(p->result, p->target, "{}", &r, &e));
+    assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
+    assert_non_null(strstr(e.message, "points.ply is damaged"));
+    assert_int_equal(access(p->target, F_OK), -1);
+    free(points);
+}
+
 /* A report whose sweeps take 100 MB when they are parsed, in whatever way it is printed. */
 static void put_long_report(const place *p)
 {
@@ -302,6 +319,7 @@ int main(void)
         cmocka_unit_test(test_keys),
         cmocka_unit_test_setup_teardown(test_changed_inputs_make_an_entry_invalid, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_hit_shares_all_files_but_the_report, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_damaged_result_is_not_linked, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_long_report_is_not_in_memory_as_a_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_the_report_of_a_hit_has_its_summary, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_report_with_another_spec_is_corrected, set_up, tear_down),

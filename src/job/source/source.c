@@ -32,12 +32,26 @@ static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
  * another one, whose cells become as small. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
+/* Checks that an uploaded file has the hash that is its name. */
+static bool check_upload(const source_input *input, error *e)
+{
+    char name[STORE_INPUT_NAME_SIZE];
+    return !sent_file_match(input->path, name) ||
+           strcmp(name + strlen(STORE_INPUT_PREFIX), input->facts.sha256) == 0 ||
+           error_set(
+               e, ERROR_INPUT_DAMAGED,
+               "%s: the uploaded file is damaged: its bytes no longer have the SHA-256 that is its name. "
+               "Send the file again (hexadctl upload FILE), then retry the job.",
+               input->path);
+}
+
 /* Waits for the hash of the last opened input; no other hash is in progress. */
 static bool settle_hash(source *s, error *e)
 {
     late_hash *h = s->hash;
+    source_input *last = h ? &s->inputs[s->input_count - 1] : NULL;
     s->hash = NULL;
-    return late_hash_end(h, h ? &s->inputs[s->input_count - 1].facts : NULL, e);
+    return !h || (late_hash_end(h, &last->facts, e) && check_upload(last, e));
 }
 
 /* The input with this path if it was opened before. Inputs that are hashed while they are read are opened
@@ -864,7 +878,11 @@ bool source_open(const spec *s, const store_roots *roots, const source_arrays *a
     const bool ok = open_source(s, limits, kernels, pool, out, e);
     out->hashes_beside = false;
     settle_trees(out);
-    return settle_hash(out, ok ? e : NULL) && ok;
+    error damage = {0};
+    const bool whole = settle_hash(out, &damage);
+    /* a damaged upload is the cause of what else is wrong with it */
+    if (!whole && (ok || damage.code == ERROR_INPUT_DAMAGED)) *e = damage;
+    return whole && ok;
 }
 
 bool source_prefix_origin(const source *s, error *e)

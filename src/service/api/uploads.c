@@ -13,7 +13,8 @@
 
 typedef struct upload {
     http_sink sink;     /* first member: the server passes its address */
-    store_upload *file; /* NULL: the file exists and the caller may use it; the received bytes are ignored */
+    store_upload *file; /* NULL: the received bytes are ignored */
+    bool known;         /* the file exists and the caller may use it; received bytes replace a damaged one */
     store_upload_outcome outcome;
     error why;
 } upload;
@@ -188,16 +189,16 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
         show(c, request->caller, hex, there, 200, r);
         return NULL;
     }
-    if (there < 0) {
+    if (there < 0 || request->announced != 0) {
         store_upload_outcome outcome =
             store_upload_begin(c->inputs, hex, request->caller->user, request->announced, &file);
-        if (outcome != STORE_UPLOAD_GOOD) {
+        if (outcome != STORE_UPLOAD_GOOD && there < 0) {
             refuse(c, request, outcome, NULL, r);
             return NULL;
         }
     }
     upload *u = mem_alloc(sizeof *u);
-    *u = (upload){.sink = {open_upload, take, drop}, .file = file};
+    *u = (upload){.sink = {open_upload, take, drop}, .file = file, .known = there >= 0};
     return &u->sink;
 }
 
@@ -205,6 +206,10 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
 {
     upload *u = (upload *)(void *)request->sink;
     const char *hex = request->parameter[0], *name = parameter_text(request, "name", NULL);
+    if (u->known && u->outcome != STORE_UPLOAD_GOOD) { /* such as no space for what is there already */
+        end(u);
+        u->outcome = STORE_UPLOAD_GOOD;
+    }
     bool sent = u->file != NULL;
     if (u->outcome == STORE_UPLOAD_GOOD)
         u->outcome = !queue_has_place(c->q, &u->why) ? STORE_UPLOAD_FAILED
@@ -218,8 +223,8 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
         refuse(c, request, u->outcome, &u->why, r);
         return;
     }
-    show(c, request->caller, hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
-    if (!sent) return;
+    show(c, request->caller, hex, store_inputs_find(c->inputs, hex), u->known ? 200 : 201, r);
+    if (u->known) return;
     log_write(LOG_LEVEL_INFO, "input stored sha256=%s user=%s", hex, request->caller->user);
     char *location = mem_printf("/v1/inputs/%s", hex);
     reply_add_header(r, "Location", location);

@@ -34,8 +34,9 @@ char *cache_describe_inputs(const store_roots *roots, const char *directory, int
 /* Whether no input has changed since it was described. */
 bool cache_is_fresh(const store_roots *roots, const char *inputs);
 
-/* Creates the directory `to` with hard links to the files of the result in `from`, and with its own report,
- * which has this spec. *r describes the result; the caller clears it. */
+/* Compares the files of the result in `from` with their hashes. Then creates the directory `to` with hard links
+ * to them, and with its own report, which has this spec. *r describes the result; the caller clears it. Reads
+ * all files: for a thread of its own. Errors: those of result_read, result_compare and own_report_copy. */
 bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e);
 
 #endif

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/background.h"
 #include "base/core/clock.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
@@ -53,6 +54,13 @@ typedef struct work {
     bool was_lost;            /* the state directory was lost when the worker ended */
     int64_t ran_ms;           /* once it has ended */
     publication *publication; /* in PUBLISHING */
+    background_call *call;    /* in REUSING and CHECKING; it owns `reused` meanwhile */
+    struct {
+        char *from; /* directory of the result of the equal job */
+        bool ok;
+        queue_outcome outcome; /* if ok */
+        error fault;           /* otherwise */
+    } reused;
     settlement settlement;
     int64_t retry_ms; /* DECIDING, SETTLING: time of the next try, monotonic; 0: no try has failed */
     /* referenced by the settlement */
@@ -130,8 +138,9 @@ void slot_take_resumed(slot *s, const queue_claimed *claimed, int width, int64_t
 static unsigned release(slot *s)
 {
     work *w = &s->w;
-    assert(!w->attempt && !w->publication);
+    assert(!w->attempt && !w->publication && !w->call);
     free(w->directory);
+    free(w->reused.from);
     free(w->ending.last_words);
     free(w->cache_inputs);
     free(w->copied);
@@ -191,41 +200,35 @@ static bool is_cacheable(const slot *s)
     return s->context->cache && c->task.frame == QUEUE_NO_FRAME && c->cache_key;
 }
 
-/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a
- * worker has to compute it. */
-static bool use_cached(slot *s)
+/* In a thread of its own. */
+static void reuse(void *context)
+{
+    slot *s = context;
+    work *w = &s->w;
+    result r = {0};
+    w->reused.ok = cache_link_result(w->reused.from, w->directory, w->claimed.job.spec, &r, &w->reused.fault);
+    w->reused.outcome = r.outcome;
+    result_clear(&r);
+}
+
+/* Begins to give the task the result of an equal job, if there is one and its input files have not changed. */
+static bool begin_reuse(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
-    error e = {0};
-    result r = {0};
     char *inputs = NULL;
     bool found = false;
-    if (!queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
-        return false;
-    char *from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
-    found = cache_is_fresh(x->roots, inputs);
-    if (found && cache_link_result(from, w->directory, w->claimed.job.spec, &r, &e)) {
-        settlement_decide_cached(r.outcome, w->cached_from, &w->settlement);
-    } else if (found) {
-        log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
-                  w->cached_from, e.message);
-        store_remove(w->directory, NULL);
-        found = false;
-    }
-    result_clear(&r);
-    free(from);
-    free(inputs);
-    return found;
-}
-
-/* Like use_cached, and counts hits and misses. */
-static bool take_cached(slot *s)
-{
     if (!is_cacheable(s)) return false;
-    meter *m = s->context->place->meter;
-    bool found = use_cached(s);
-    (*(found ? &m->cache_hits : &m->cache_misses))++;
+    found = queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) && found &&
+            cache_is_fresh(x->roots, inputs);
+    free(inputs);
+    if (found) {
+        w->reused.from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
+        w->call = background_call_start(reuse, s, x->wake_fd);
+        enter(s, SLOT_REUSING);
+    } else {
+        x->place->meter->cache_misses++;
+    }
     return found;
 }
 
@@ -303,17 +306,13 @@ static bool decide_at_once(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
-    error e = {0};
     if (w->memory_mb > x->memory_mb) {
         settlement_decide_too_large(&w->claimed, x->memory_mb, &w->settlement);
     } else if (w->limit.timeout_s > 0 && (double)w->claimed.task.ran_ms >= 1000 * w->limit.timeout_s) {
         settlement_decide_late(w->limit.timeout_s, &w->settlement);
-    } else if (take_kept(s) || take_cached(s)) {
+    } else if (take_kept(s)) {
         publish_or_settle(s);
         return true;
-    } else if (w->repeat) {
-        error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted");
-        settlement_decide_unstarted(&e, &w->settlement);
     } else {
         return false;
     }
@@ -321,17 +320,20 @@ static bool decide_at_once(slot *s)
     return true;
 }
 
-/* The next phase is RUNNING, PUBLISHING, or SETTLING with a decision. */
-static unsigned step_starting(slot *s)
+/* The next phase is RUNNING, or SETTLING with a decision. */
+static unsigned begin_attempt(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
     const queue_job *job = &w->claimed.job;
     const queue_task *task = &w->claimed.task;
     error e = {0};
-    w->directory = result_attempt_directory(x->place->work_dir, job->id, task->frame, task->attempt);
-    w->limit = read_limits(x, &w->claimed);
-    if (!w->resumed && decide_at_once(s)) return SLOT_NO_NEWS;
+    if (w->repeat) {
+        error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted or is damaged");
+        settlement_decide_unstarted(&e, &w->settlement);
+        enter(s, SLOT_SETTLING);
+        return SLOT_NO_NEWS;
+    }
     if (!start_worker(s, &e)) {
         log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
                   task->attempt, e.message);
@@ -344,6 +346,45 @@ static unsigned step_starting(slot *s)
               x->engine->identify(w->attempt), job->trace ? job->trace : "-");
     enter(s, SLOT_RUNNING);
     return SLOT_STARTED;
+}
+
+/* The next phase is REUSING, RUNNING, PUBLISHING, or SETTLING with a decision. */
+static unsigned step_starting(slot *s)
+{
+    work *w = &s->w;
+    const queue_task *task = &w->claimed.task;
+    w->directory =
+        result_attempt_directory(s->context->place->work_dir, w->claimed.job.id, task->frame, task->attempt);
+    w->limit = read_limits(s->context, &w->claimed);
+    return !w->resumed && (decide_at_once(s) || begin_reuse(s)) ? SLOT_NO_NEWS : begin_attempt(s);
+}
+
+/* Whether the call of the slot has ended; then frees it. */
+static bool take_call(slot *s)
+{
+    work *w = &s->w;
+    if (!background_call_has_ended(w->call)) return false;
+    background_call_end(w->call);
+    w->call = NULL;
+    return true;
+}
+
+/* Without a result, a worker has to compute it. */
+static unsigned step_reusing(slot *s)
+{
+    work *w = &s->w;
+    meter *m = s->context->place->meter;
+    if (!take_call(s)) return SLOT_NO_NEWS;
+    (*(w->reused.ok ? &m->cache_hits : &m->cache_misses))++;
+    if (w->reused.ok) {
+        settlement_decide_cached(w->reused.outcome, w->cached_from, &w->settlement);
+        publish_or_settle(s);
+        return SLOT_NO_NEWS;
+    }
+    log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
+              w->cached_from, w->reused.fault.message);
+    store_remove(w->directory, NULL);
+    return begin_attempt(s);
 }
 
 /* ---- running and stopping */
@@ -483,6 +524,17 @@ static void describe_for_cache(slot *s)
     w->settlement.cache_inputs = w->cache_inputs;
 }
 
+/* Removes the uploads of the task that are damaged, so that they can be sent again. In a thread of its own. */
+static void check_uploads(void *context)
+{
+    const slot *s = context;
+    size_t count = 0;
+    char own[STORE_INPUT_NAME_SIZE];
+    const char **names = list_inputs(&s->w.claimed, own, &count);
+    for (size_t i = 0; i < count; i++) store_inputs_discard_damaged(s->context->inputs, names[i]);
+    free(names);
+}
+
 static unsigned step_deciding(slot *s)
 {
     work *w = &s->w;
@@ -498,8 +550,18 @@ static unsigned step_deciding(slot *s)
     if (w->settlement.decision == SETTLEMENT_UNDECIDED) return try_later(s, w->settlement.message);
     if (w->was_lost) settlement_excuse_loss(&w->settlement);
     describe_for_cache(s);
-    publish_or_settle(s);
+    if (w->settlement.code == ERROR_INPUT_DAMAGED && s->context->inputs) {
+        w->call = background_call_start(check_uploads, s, s->context->wake_fd);
+        enter(s, SLOT_CHECKING);
+    } else {
+        publish_or_settle(s);
+    }
     return SLOT_NO_NEWS;
+}
+
+static void step_checking(slot *s)
+{
+    if (take_call(s)) publish_or_settle(s);
 }
 
 static void step_publishing(slot *s)
@@ -533,11 +595,16 @@ static unsigned step_once(slot *s)
         break;
     case SLOT_STARTING:
         return step_starting(s);
+    case SLOT_REUSING:
+        return step_reusing(s);
     case SLOT_RUNNING:
     case SLOT_STOPPING:
         return step_running(s);
     case SLOT_DECIDING:
         return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_deciding(s);
+    case SLOT_CHECKING:
+        step_checking(s);
+        break;
     case SLOT_PUBLISHING:
         step_publishing(s);
         break;
@@ -578,7 +645,9 @@ int64_t slot_due(const slot *s)
     case SLOT_SETTLING:
         return w->retry_ms;
     case SLOT_FREE:
-    case SLOT_PUBLISHING: /* it writes to wake_fd at its end */
+    case SLOT_REUSING: /* these three write to wake_fd at their ends */
+    case SLOT_CHECKING:
+    case SLOT_PUBLISHING:
         break;
     }
     return INT64_MAX;

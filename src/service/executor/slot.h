@@ -4,10 +4,11 @@
  * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch return
  * when the next step is useful:
  *
- *     free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
- *                |                                                 ^              ^
- *                +-- the result exists already --------------------+              |
- *                +-- no worker is started ----------------------------------------+
+ *     free -> starting -> (reusing) -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
+ *                |           |                                     |           ^               ^
+ *                +-----------+-- the result exists already --------|-----------+               |
+ *                +-----------+-- no worker is started -------------|---------------------------+
+ *                                                                  +- (checking uploads) ------+
  *
  * deciding and settling are repeated after a delay if the disk or the database is at fault, or the state
  * directory is lost (service/database/place). The supervisor thread calls these functions, except for those
@@ -34,9 +35,11 @@ typedef enum slot_phase {
     SLOT_FREE,
     /* a task was taken; its worker must be started, unless the result exists or no worker can be started */
     SLOT_STARTING,
+    SLOT_REUSING,    /* a thread compares and links the result of an equal job */
     SLOT_RUNNING,    /* the worker runs */
     SLOT_STOPPING,   /* the worker was signalled to end, and is killed after the grace time */
     SLOT_DECIDING,   /* the worker has ended; its output must be read */
+    SLOT_CHECKING,   /* the worker found a damaged input; a thread compares the uploads with their hashes */
     SLOT_PUBLISHING, /* the result is copied to output.directory */
     SLOT_SETTLING    /* the decision must be carried out and stored in the queue */
 } slot_phase;

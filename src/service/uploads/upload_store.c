@@ -12,6 +12,7 @@
 
 #include <nettle/sha2.h>
 
+#include "base/core/log.h"
 #include "base/core/memory.h"
 #include "files/file.h"
 
@@ -42,20 +43,13 @@ static char *path_of(const store_inputs *s, const char *hex)
     return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);
 }
 
-static void print_digest(struct sha256_ctx *hash, char hex[STORE_INPUT_HEX + 1])
-{
-    uint8_t digest[SHA256_DIGEST_SIZE];
-    sha256_digest(hash, sizeof digest, digest);
-    for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
-}
-
 /* A user's name may contain any byte, so file names contain its hash. */
 static void hash_name(const char *user, char name[STORE_INPUT_HEX + 1])
 {
     struct sha256_ctx hash;
     sha256_init(&hash);
     sha256_update(&hash, strlen(user), (const uint8_t *)user);
-    print_digest(&hash, name);
+    store_print_digest(&hash, name);
 }
 
 /* The path of a record about a file. `sender` is the hash of a user's name. */
@@ -446,6 +440,59 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool 
     return ok && (!gone || store_directory_sync(s->directory, e));
 }
 
+/* Opens a stored file if its bytes have another hash than its name, or cannot be read. -1: they have it, or the
+ * file does not exist. */
+static int open_damaged(const char *path, const char *hex)
+{
+    char found[STORE_HASH_SIZE];
+    uint64_t bytes;
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    if (fd < 0 || !store_file_hash(fd, found, &bytes, NULL) || strcmp(found, hex) != 0) return fd;
+    close(fd);
+    return -1;
+}
+
+bool store_inputs_compare(const char *directory, void (*look)(void *context, const char *name, bool damaged),
+                          void *context, error *e)
+{
+    DIR *listing = opendir(directory);
+    if (!listing && errno != ENOENT)
+        return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", directory, strerror(errno));
+    for (struct dirent *d; listing && (d = readdir(listing));) {
+        if (!sent_file_is_name(d->d_name)) continue;
+        char *path = mem_printf("%s/%s", directory, d->d_name);
+        int fd = open_damaged(path, d->d_name + strlen(STORE_INPUT_PREFIX));
+        look(context, d->d_name, fd >= 0);
+        if (fd >= 0) close(fd);
+        free(path);
+    }
+    if (listing) closedir(listing);
+    return true;
+}
+
+void store_inputs_discard_damaged(store_inputs *s, const char *name)
+{
+    struct stat read, now;
+    const char *hex = name + strlen(STORE_INPUT_PREFIX);
+    char *path = path_of(s, hex);
+    int fd = open_damaged(path, hex);
+    pthread_mutex_lock(&s->mutex);
+    /* a file that was sent again in the meantime is another one */
+    bool gone = fd >= 0 && fstat(fd, &read) == 0 && lstat(path, &now) == 0 && now.st_ino == read.st_ino &&
+                unlink(path) == 0;
+    if (gone) {
+        s->used_bytes -= now.st_size;
+        remove_records(s, hex, now.st_size);
+    }
+    pthread_mutex_unlock(&s->mutex);
+    if (gone) {
+        log_write(LOG_LEVEL_WARNING, "damaged input removed sha256=%s: send it again", hex);
+        store_directory_sync(s->directory, NULL);
+    }
+    if (fd >= 0) close(fd);
+    free(path);
+}
+
 /* Begins an upload if the user may have one more and there is space for the announced bytes. */
 static store_upload_outcome enter(store_inputs *s, const char *sender, int64_t announced)
 {
@@ -508,22 +555,28 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
 {
     char hex[STORE_INPUT_HEX + 1];
     if (u->outcome != STORE_UPLOAD_GOOD) return u->outcome;
-    print_digest(&u->hash, hex);
+    store_print_digest(&u->hash, hex);
     if (strcmp(hex, u->wanted) != 0) return u->outcome = STORE_UPLOAD_MISMATCH;
-    bool ok = store_file_flush(&u->file, e); /* outside the mutex, since it is slow */
+    /* outside the mutex, since these are slow */
+    int damaged = open_damaged(u->file.path, hex);
+    bool ok = store_file_flush(&u->file, e);
     if (ok) {
         /* under the mutex, so that an existing file is not collected in between: its space would be
          * released twice */
         pthread_mutex_lock(&u->owner->mutex);
-        /* if the file exists, it is kept, since workers may be reading it */
-        bool there = store_inputs_find(u->owner, hex) >= 0;
+        /* if the file exists and is not damaged, it is kept, since workers may be reading it */
+        const int64_t stored = store_inputs_find(u->owner, hex);
+        bool there = stored >= 0 && damaged < 0;
         ok = there ? utimensat(AT_FDCWD, u->file.path, NULL, AT_SYMLINK_NOFOLLOW) == 0
                    : store_file_commit(&u->file, e);
         u->committed = ok && !there;
+        if (u->committed && stored > 0) u->owner->used_bytes -= stored;
         ok = ok && note_sender(u->owner, hex, u->sender, u->bytes, e);
         pthread_mutex_unlock(&u->owner->mutex);
         ok = ok && store_directory_sync(u->owner->directory, e);
     }
+    if (ok && damaged >= 0) log_write(LOG_LEVEL_WARNING, "damaged input replaced sha256=%s", hex);
+    if (damaged >= 0) close(damaged);
     if (ok) return STORE_UPLOAD_GOOD;
     return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
 }

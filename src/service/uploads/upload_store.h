@@ -2,7 +2,7 @@
 /* upload_store: files that clients uploaded, each named by the SHA-256 of its content.
  *
  * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never
- * changes. A file that is uploaded again is stored once. Its modification time is the time of its last use.
+ * changes. A file that is uploaded again is stored once; if the stored one is damaged, it is replaced. Its modification time is the time of its last use.
  * For each user that holds a file, since it sent the file and has not deleted it, there is an empty file
  * `sender:HEX:USER`; USER is the SHA-256 of the user's name. `name:HEX:USER` contains the name that the user gave
  * the file; only this user may learn it. Both are removed together with the file. Opening the directory removes
@@ -51,6 +51,15 @@ bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *
 /* Removes a file, if it is held only if `also_held`. *found: the file existed and was removed. Jobs that name the
  * file fail from then on. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e);
+
+/* Removes the file "sha256:HEX" with its records if its bytes have another hash: any user may then send it again.
+ * Reads the whole file. */
+void store_inputs_discard_damaged(store_inputs *s, const char *name);
+
+/* Compares each stored file of the directory with its hash, and calls `look` for it. The directory may be
+ * missing. */
+bool store_inputs_compare(const char *directory, void (*look)(void *context, const char *name, bool damaged),
+                          void *context, error *e);
 
 /* The time at which the user sent the file that it holds, on the wall clock; -1: the user does not hold the file,
  * or the file does not exist. */
@@ -101,7 +110,7 @@ store_upload_outcome store_upload_open(store_upload *u, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
 /* Verifies the hash, flushes the file and renames it to its name. The user then holds the file. If the same file is
- * already stored, the upload is discarded. */
+ * already stored and not damaged, the upload is discarded. */
 store_upload_outcome store_upload_commit(store_upload *u, error *e);
 void store_upload_end(store_upload *u); /* removes what was not committed; accepts NULL */
 
