@@ -154,7 +154,8 @@ bool job_load(job *j, error *e)
     const spec *s = j->spec;
     progress_enter(&j->progress, PROGRESS_LOAD);
     bool ok = job_make_pool(j, e) && fits_memory(j, (double)s->count, e) && choose_isa(s, &j->isa, e) &&
-              (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
+              (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous,
+                                              threads_count(j->pool) > 1, e)) &&
               source_open(s, j->options->roots, j->options->arrays,
                           &(source_memory_limits){j->memory, run_options_most_memory(j->options)}, j->isa,
                           j->pool, &j->source, e) &&

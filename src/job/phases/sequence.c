@@ -8,6 +8,8 @@
 
 #include "base/core/compare.h"
 #include "base/core/memory.h"
+#include "base/core/worker_contract.h"
+#include "files/late_hash.h"
 
 /* Maximum size of a report, bytes; it has a line for each sweep. */
 static const size_t REPORT_LIMIT = 64u << 20;
@@ -16,7 +18,7 @@ static const char what[] = "the points of the frame before";
 static FILE *open_result(const char *directory, const char *name, error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
-    FILE *file = fopen(path, "rb");
+    FILE *file = fopen(path, "rbe");
     if (!file)
         error_set(e, ERROR_INPUT_MISSING, "the previous frame: cannot open %s: %s. Check --previous.", path,
                   strerror(errno));
@@ -26,7 +28,7 @@ static FILE *open_result(const char *directory, const char *name, error *e)
 
 bool sequence_open(const char *directory, sequence_files *out, error *e)
 {
-    sequence_files f = {0};
+    sequence_files f = {.summary = open_result(directory, WORKER_SUMMARY_NAME, NULL)};
     if ((f.points = open_result(directory, "points.ply", e)) &&
         (f.report = open_result(directory, "report.json", e))) {
         *out = f;
@@ -40,31 +42,68 @@ void sequence_close(sequence_files *files)
 {
     if (files->points) fclose(files->points);
     if (files->report) fclose(files->report);
+    if (files->summary) fclose(files->summary);
     *files = (sequence_files){0};
 }
 
-static json *read_report(FILE *file, error *e)
+static bool set_damaged(const char *name, error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "the previous frame: its %s is damaged: its bytes have changed since it was written "
+                     "(SHA-256). Submit the job again.",
+                     name);
+}
+
+/* Reads a JSON document; NULL: it is none. `hex` is the hash of its bytes. */
+static json *read_document(FILE *file, char hex[STORE_HASH_SIZE])
 {
     char *text = mem_alloc(REPORT_LIMIT);
     rewind(file);
     size_t length = fread(text, 1, REPORT_LIMIT, file);
     json *document = length < REPORT_LIMIT && !ferror(file) ? json_parse(text, length, NULL) : NULL;
+    store_hash(text, length, hex);
     free(text);
-    if (!document)
-        error_set(e, ERROR_INPUT_DAMAGED,
-                  "the previous frame: its report.json is not a report. Check --previous.");
     return document;
 }
 
-static bool read_numbers(sequence *s, FILE *file, error *e)
+static json *read_report(const sequence_files *files, error *e)
 {
-    json *document = read_report(file, e);
+    char hex[STORE_HASH_SIZE], unused[STORE_HASH_SIZE];
+    json *document = read_document(files->report, hex),
+         *summary = files->summary ? read_document(files->summary, unused) : NULL;
+    const char *stated = json_string(json_root(json_find(summary, "/report_sha256")), hex);
+    if (strcmp(stated, hex) != 0) {
+        set_damaged("report.json", e);
+        json_free(document);
+        document = NULL;
+    } else if (!document) {
+        error_set(e, ERROR_INPUT_DAMAGED,
+                  "the previous frame: its report.json is not a report. Check --previous.");
+    }
+    json_free(summary);
+    return document;
+}
+
+/* The hash of points.ply that the report states; "": none. */
+static void find_hash(json_at root, char hex[STORE_HASH_SIZE])
+{
+    json_at outputs = json_member(&root, "outputs");
+    *hex = '\0';
+    for (json_at o = json_first(&outputs); o.node; o = json_next(&o))
+        if (strcmp(json_string(json_member(&o, "name"), ""), "points.ply") == 0)
+            snprintf(hex, STORE_HASH_SIZE, "%s", json_string(json_member(&o, "sha256"), ""));
+}
+
+static bool read_numbers(sequence *s, const sequence_files *files, char points_hex[STORE_HASH_SIZE], error *e)
+{
+    json *document = read_report(files, e);
     if (!document) return false;
     json_at root = json_root(document), at = json_member(&root, "sequence");
     double frame = json_number(json_member(&at, "frame"), -1),
            next = json_number(json_member(&at, "next_id"), -1),
            excess = json_number(json_member(&at, "energy_excess_alone"), 0);
     bool good = frame >= 0 && frame <= INT32_MAX && next >= 0 && next <= UINT32_MAX;
+    find_hash(root, points_hex);
     json_free(document);
     if (!good)
         return error_set(e, ERROR_INPUT_DAMAGED,
@@ -76,17 +115,31 @@ static bool read_numbers(sequence *s, FILE *file, error *e)
     return true;
 }
 
-bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e)
+/* Reads points.ply while it is hashed. */
+static bool read_points(sequence *s, FILE *file, const char *stated, bool beside, error *e)
 {
+    store_facts facts = {0};
+    error fault = {0};
+    late_hash *hash = late_hash_begin(fileno(file), beside);
+    const bool ok = ply_read(file, &s->before, &fault) || error_prefix(&fault, "the frame before");
+    if (!late_hash_end(hash, &facts, e)) return false;
+    if (*stated && strcmp(stated, facts.sha256) != 0) return set_damaged("points.ply", e);
+    if (!ok && e) *e = fault;
+    return ok;
+}
+
+bool sequence_begin(sequence *s, int frame, const sequence_files *files, bool beside, error *e)
+{
+    char stated[STORE_HASH_SIZE];
     *s = (sequence){.frame = frame, .previous_frame = -1};
     if (!files) return true;
-    if (!read_numbers(s, files->report, e)) return false;
+    if (!read_numbers(s, files, stated, e)) return false;
     if (s->previous_frame == frame)
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "the previous frame: --previous is frame %d, the frame to be run. Give the results "
                          "of the frame before it.",
                          frame);
-    if (!ply_read(files->points, &s->before, e)) return error_prefix(e, "the frame before");
+    if (!read_points(s, files->points, stated, beside, e)) return false;
     if (s->before.points.id && s->before.points.normal && s->before.points.count > 0) return true;
     return error_set(e, ERROR_INPUT_DAMAGED,
                      "the previous frame: its points.ply has no id or no normals. Run it again without "

@@ -20,6 +20,7 @@
 /* The results of the previous frame, open. */
 typedef struct sequence_files {
     FILE *points, *report;
+    FILE *summary; /* NULL: the result has none */
 } sequence_files;
 
 typedef struct sequence {
@@ -41,8 +42,9 @@ typedef struct sequence {
 bool sequence_open(const char *directory, sequence_files *out, error *e);
 void sequence_close(sequence_files *files); /* accepts closed files */
 
-/* Reads the previous frame; `files` NULL: this frame is the first. Errors: input_damaged, limit_memory. */
-bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e);
+/* Reads the previous frame, and compares its bytes with the hashes that were stored with it; `files` NULL: this
+ * frame is the first. `beside`: a thread of its own may hash. Errors: input_damaged, limit_memory. */
+bool sequence_begin(sequence *s, int frame, const sequence_files *files, bool beside, error *e);
 
 /* Transfers the points of the previous frame, and sets them in `params`. The caller frees *out. Errors: those
  * of frame_transfer_points. */
