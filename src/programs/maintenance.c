@@ -184,12 +184,7 @@ int maintenance_back_up(const config *settings)
 
 /* ---- check */
 
-typedef struct tally {
-    size_t results, findings;
-    bool results_seen;
-} tally;
-
-static void print_findings(const char *findings, tally *t)
+static void print_findings(const char *findings, audit_tally *t)
 {
     for (const char *line = findings; *line;) {
         size_t length = strcspn(line, "\n");
@@ -200,7 +195,7 @@ static void print_findings(const char *findings, tally *t)
 }
 
 /* Prints the damage that the daemon reports. */
-static bool ask_health(const config *c, tally *t, error *e)
+static bool ask_health(const config *c, audit_tally *t, error *e)
 {
     client_reply reply = {0};
     client *daemon = open_client(c, e);
@@ -216,7 +211,7 @@ static bool ask_health(const config *c, tally *t, error *e)
     return ok;
 }
 
-static bool check_copy(const config *c, const char *path, bool alone, tally *t, error *e)
+static bool check_copy(const config *c, const char *path, bool alone, audit_tally *t, error *e)
 {
     char *findings = NULL;
     if (!backup_check(path, true, NULL, &findings, e)) return false;
@@ -224,14 +219,12 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
     free(findings);
     if (!alone) return true;
     queue *q = queue_open_copy(path, e);
-    bool ok = q && audit_results(q, *c->work_dir ? c->work_dir : c->state_dir, stdout, &t->results,
-                                 &t->findings, e);
-    t->results_seen = ok;
+    bool ok = q && audit_results(q, *c->work_dir ? c->work_dir : c->state_dir, c->contents, stdout, t, e);
     queue_close(q);
     return ok;
 }
 
-static int sum_up(const tally *t)
+static int sum_up(const audit_tally *t, bool alone, bool contents)
 {
     if (t->findings)
         terminal_text_print(
@@ -239,8 +232,15 @@ static int sum_up(const tally *t)
             "%zu fault%s found; see operations.md, \"A damaged database\" and \"Restore\" (package hexad-doc:"
             " /usr/share/doc/hexad-doc/doc)\n",
             t->findings, t->findings == 1 ? "" : "s");
-    else if (t->results_seen)
-        printf("no faults in the database and %zu results\n", t->results);
+    else if (contents)
+        printf("no faults in the database and %zu results: their bytes, and those of %zu uploads, have their "
+               "hashes\n",
+               t->results, t->uploads);
+    else if (alone)
+        printf(
+            "no faults in the database and %zu results: their files are there, with their lengths; --check "
+            "--contents compares the bytes, too\n",
+            t->results);
     else
         puts("no faults in the database; results are checked only while hexad is stopped");
     return t->findings ? EXIT_FAILURE : EXIT_SUCCESS;
@@ -249,16 +249,21 @@ static int sum_up(const tally *t)
 int maintenance_check(const config *settings)
 {
     error e = {0};
-    tally t = {0};
+    audit_tally t = {0};
     int lock = -1;
     store_file file = {0};
     char *directory = backup_directory_path(settings->state_dir),
          *path = mem_printf("%s/check.db", directory);
     bool ok = check_state_directory(settings, &e) && backup_directory_make(settings->state_dir, &e) &&
               store_file_begin(path, &file, &e) && copy(settings, file.stream, file.temporary, &lock, &e);
+    const bool alone = lock >= 0;
+    if (ok && settings->contents && !alone)
+        ok =
+            error_set(&e, ERROR_INTERNAL,
+                      "--contents reads the results while no daemon uses them: stop hexad, or name a copy of "
+                      "its state directory with --state_dir");
     if (ok) {
-        ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) &&
-             (lock >= 0 || ask_health(settings, &t, &e));
+        ok = check_copy(settings, file.temporary, alone, &t, &e) && (alone || ask_health(settings, &t, &e));
     } else if (e.code == ERROR_DATABASE_DAMAGED) {
         print_findings(e.message, &t);
         ok = true;
@@ -268,7 +273,7 @@ int maintenance_check(const config *settings)
     free(path);
     free(directory);
     if (t.findings || ok) {
-        int status = sum_up(&t);
+        int status = sum_up(&t, alone, settings->contents);
         if (ok) return status;
     }
     return fail(&e);

@@ -276,6 +276,7 @@ static bool refuse_option(const char *key, size_t length, error *e)
     for (size_t i = 0; i < ACTION_COUNT; i++) nearest_name_offer(&nearest, actions[i].name);
     nearest_name_offer(&nearest, "config");
     nearest_name_offer(&nearest, "strict");
+    nearest_name_offer(&nearest, "contents");
     offer_settings(&nearest);
     if (find_action(key, length))
         return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value: remove it", (int)length, key);
@@ -347,10 +348,9 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
         const char *key = "", *value = NULL;
         size_t length = 0;
         const struct action *a = find_bare_action(argv[i]);
-        if (strcmp(argv[i], "--strict") == 0) {
-            s->c->strict = true;
-            continue;
-        }
+        s->c->strict |= strcmp(argv[i], "--strict") == 0;
+        s->c->contents |= strcmp(argv[i], "--contents") == 0;
+        if (strcmp(argv[i], "--strict") == 0 || strcmp(argv[i], "--contents") == 0) continue;
         if (a) {
             if (!choose(a, action, s->e)) return false;
             continue;
@@ -401,6 +401,9 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     if (ok && read.strict && what != CONFIG_CHECK_SETTINGS)
         ok = error_set(&mine, ERROR_SPEC_INVALID,
                        "--strict requires --check-settings: add it, or remove --strict");
+    if (ok && read.contents && what != CONFIG_CHECK)
+        ok =
+            error_set(&mine, ERROR_SPEC_INVALID, "--contents requires --check: add it, or remove --contents");
     if (!ok) {
         config_clear(&read);
         if (e) *e = mine;
@@ -565,7 +568,7 @@ void config_print_help(FILE *file)
 {
     fputs(
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
-        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check [--contents]\n"
         "       hexad [--config FILE] [--KEY VALUE]... --check-settings [--strict]\n"
         "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP | --open-port USER\n"
         "\n"
@@ -580,10 +583,14 @@ void config_print_help(FILE *file)
         "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
         "                   otherwise at the address of the settings; over TCP it requires a token with the\n"
         "                   scope admin in $HEXAD_TOKEN\n"
-        "  --check          checks the database for damage and, if hexad does not run, the results of all\n"
-        "                   jobs. It changes neither and prints a line for each fault.\n"
-        "                   --backup, --check and --check-settings read " CONFIG_FILE " unless --config or\n"
+        "  --check          checks the database for damage and, if hexad does not run, whether the results of\n"
+        "                   all jobs have their files, with their lengths. It changes neither and prints a line\n"
+        "                   for each fault. --backup, --check and --check-settings read " CONFIG_FILE
+        " unless --config or\n"
         "                   --state_dir is given\n"
+        "  --contents       with --check: reads all files of results and uploads, and compares their bytes with\n"
+        "                   the hashes that were stored with them. It requires that hexad does not run, and\n"
+        "                   reports its progress on standard error\n"
         "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
         "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
         "                   names, otherwise " CONFIG_FILE "). For\n"

@@ -52,6 +52,7 @@ typedef struct config {
     char *output_mode;                        /* octal digits */
     char *output_group;                       /* "": unchanged */
     bool strict;                              /* --strict, of --check-settings */
+    bool contents;                            /* --contents, of --check */
     int64_t workers, threads, host_memory_mb; /* 0: from the resources of the host */
     int64_t memory_mb, max_attempts, max_interruptions, max_files;
     int64_t cache;   /* 0: no */

@@ -5,21 +5,48 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
 #include "service/results/inventory.h"
 #include "service/results/result.h"
+#include "service/uploads/upload_store.h"
 
 /* Jobs or tasks that one query reads. */
 #define PAGE 500
+
+/* Interval of progress, in ms. */
+enum { PROGRESS_MS = 1000 };
 
 typedef struct audit {
     queue *q;
     const char *work_dir;
     FILE *out;
-    size_t results, findings;
+    audit_tally *tally;
+    bool contents;
+    int64_t read_bytes, all_bytes; /* of results; with `contents` */
+    int64_t shown_ms;              /* time of the last progress */
 } audit;
+
+/* Prints progress; on a terminal over the last one. */
+static void show_progress(audit *a, bool is_last)
+{
+    const int64_t now = clock_monotonic_ms();
+    const bool terminal = isatty(STDERR_FILENO);
+    if (!a->contents || (!is_last && now - a->shown_ms < PROGRESS_MS)) return;
+    a->shown_ms = now;
+    fprintf(stderr, "%scompared %zu results, %lld of about %lld MiB, and %zu uploads%s", terminal ? "\r" : "",
+            a->tally->results, (long long)a->read_bytes >> 20, (long long)a->all_bytes >> 20,
+            a->tally->uploads, terminal && !is_last ? "" : "\n");
+}
+
+static bool compare(audit *a, const char *directory, const result *r, error *e)
+{
+    for (size_t i = 0; i < r->output_count; i++) a->read_bytes += r->output[i].bytes;
+    return result_compare(directory, r, e);
+}
 
 static bool look_at_task(audit *a, const char *id, const queue_task *task, error *e)
 {
@@ -27,12 +54,14 @@ static bool look_at_task(audit *a, const char *id, const queue_task *task, error
     error why = {0};
     result r = {0};
     char *directory = result_directory(a->work_dir, id, task->frame);
-    bool whole = result_read(directory, &r, &why), seen = whole || why.code != ERROR_INTERNAL;
-    a->results++;
+    bool whole = result_read(directory, &r, &why) && (!a->contents || compare(a, directory, &r, &why));
+    bool seen = whole || why.code != ERROR_INTERNAL;
+    a->tally->results++;
     if (!whole && seen) {
-        terminal_text_print(a->out, "result of %s: %s\n", id, why.message);
-        a->findings++;
+        terminal_text_print(a->out, "result of %s: %s\n", strrchr(directory, '/') + 1, why.message);
+        a->tally->findings++;
     }
+    show_progress(a, false);
     result_clear(&r);
     free(directory);
     if (!seen && e) *e = why;
@@ -79,8 +108,30 @@ static bool look_at_directory(audit *a, const char *name, error *e)
         if (d.known || d.to_be_removed) return true;
     }
     terminal_text_print(a->out, "results/%s: no such job in the queue\n", name);
-    a->findings++;
+    a->tally->findings++;
     return true;
+}
+
+static void look_at_upload(void *context, const char *name, bool damaged)
+{
+    audit *a = context;
+    a->tally->uploads++;
+    a->tally->findings += damaged;
+    if (damaged)
+        terminal_text_print(
+            a->out,
+            "upload %s is damaged: start hexad, run \"hexadctl delete-upload --all %s\", and send "
+            "the file again\n",
+            name, name);
+    show_progress(a, false);
+}
+
+static bool look_at_uploads(audit *a, error *e)
+{
+    char *directory = mem_printf("%s/inputs", a->work_dir);
+    bool ok = store_inputs_compare(directory, look_at_upload, a, e);
+    free(directory);
+    return ok;
 }
 
 static bool look_for_strangers(audit *a, error *e)
@@ -95,11 +146,14 @@ static bool look_for_strangers(audit *a, error *e)
     return ok;
 }
 
-bool audit_results(queue *q, const char *work_dir, FILE *out, size_t *results, size_t *findings, error *e)
+bool audit_results(queue *q, const char *work_dir, bool contents, FILE *out, audit_tally *tally, error *e)
 {
-    audit a = {.q = q, .work_dir = work_dir, .out = out};
-    bool ok = look_at_jobs(&a, e) && look_for_strangers(&a, e);
-    *results += a.results;
-    *findings += a.findings;
+    queue_usage usage = {0};
+    audit a = {.q = q, .work_dir = work_dir, .contents = contents, .out = out, .tally = tally};
+    bool ok = queue_get_usage(q, &usage, e);
+    a.all_bytes = usage.all.bytes;
+    free(usage.user);
+    ok = ok && look_at_jobs(&a, e) && look_for_strangers(&a, e) && (!contents || look_at_uploads(&a, e));
+    show_progress(&a, true);
     return ok;
 }

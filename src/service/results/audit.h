@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* audit: compares the results with the queue, in a state directory that no daemon uses. */
+/* audit: compares the results with the queue, and if requested the bytes of results and uploads with their
+ * hashes, in a state directory that no daemon uses. */
 #ifndef HEXAD_SERVICE_RESULTS_AUDIT_H
 #define HEXAD_SERVICE_RESULTS_AUDIT_H
 
@@ -9,9 +10,15 @@
 #include "base/core/error.h"
 #include "service/queue/queue.h"
 
+typedef struct audit_tally {
+    size_t results, uploads; /* that were looked at */
+    size_t findings;
+} audit_tally;
+
 /* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that are not in the queue.
- * Prints a line for each and adds their number to *findings. Adds the number of checked results to *results.
- * Errors: internal, when the queue or a result cannot be read; the check stops there. */
-bool audit_results(queue *q, const char *work_dir, FILE *out, size_t *results, size_t *findings, error *e);
+ * With `contents` reads all files of results and uploads, too, finds those whose bytes differ from their
+ * hashes, and prints progress to standard error, at most once in a second. Prints a line for each finding, and
+ * adds all numbers to *tally. Errors: internal, when the queue or a result cannot be read; the check stops there. */
+bool audit_results(queue *q, const char *work_dir, bool contents, FILE *out, audit_tally *tally, error *e);
 
 #endif
