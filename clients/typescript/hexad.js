@@ -565,7 +565,8 @@ export class Job {
         await take(chunk);
       }
       if (hasher.hex() !== sha256)
-        throw new Damaged(`${name}: the SHA-256 of the received bytes differs from the one in the list of results: fetch the file again`);
+        throw new Damaged(`${name}: the received bytes do not have the SHA-256 that the service states: the file is damaged in the service, `
+          + "or on the way. Submit the job again, which computes it again; to fetch it again helps only against damage on the way.");
     });
   }
 

@@ -56,6 +56,8 @@ static int send_points(client *c, json_at item, char **path)
                             : print_unreachable(&e);
     else if (reply.status != 200)
         code = print_refused(&reply);
+    else if (!command_compare(file, points_name, sha256, &e))
+        code = print_failure("%s", e.message);
     client_reply_clear(&reply);
     if (code == COMMAND_OK) {
         rewind(file);

@@ -104,3 +104,17 @@ bool command_has_ended(json_at job)
     return strcmp(state, "succeeded") == 0 || strcmp(state, "failed") == 0 ||
            strcmp(state, "cancelled") == 0 || strcmp(state, "timed_out") == 0;
 }
+
+bool command_compare(FILE *received, const char *name, const char *sha256, error *e)
+{
+    char hex[STORE_HASH_SIZE];
+    uint64_t bytes = 0;
+    if (fflush(received) != 0) return error_set(e, ERROR_INTERNAL, "%s cannot be written", name);
+    return store_file_hash(fileno(received), hex, &bytes, e) &&
+           (strcmp(hex, sha256) == 0 ||
+            error_set(e, ERROR_INPUT_DAMAGED,
+                      "%s: the received bytes do not have the SHA-256 that the service states: the file is "
+                      "damaged in the service, or on the way. Submit the job again, which computes it again; "
+                      "to fetch it again helps only against damage on the way.",
+                      name));
+}

@@ -157,4 +157,8 @@ int command_fetch_into(client *c, const char *id, const char *directory);
 /* Whether the job is in a final state. */
 bool command_has_ended(json_at job);
 
+/* Compares the bytes of a received file of a result with the hash that the service states. The error says what
+ * helps. */
+bool command_compare(FILE *received, const char *name, const char *sha256, error *e);
+
 #endif

@@ -38,8 +38,6 @@ static bool is_there(const char *path, const char *sha256)
 static int download(client *c, const char *path, const char *href, const char *sha256, error *e)
 {
     store_file file = {0};
-    char hex[STORE_HASH_SIZE] = "";
-    uint64_t bytes = 0;
     client_reply reply = {0};
     int code = COMMAND_FAILED;
     store_file_clear(path);
@@ -57,14 +55,7 @@ static int download(client *c, const char *path, const char *href, const char *s
                   json_string(json_member(&root, "detail"), "the answer has no reason"));
         goto done;
     }
-    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
-    if (strcmp(hex, sha256) != 0) {
-        error_set(e, ERROR_INPUT_DAMAGED,
-                  "%s: the SHA-256 of the received bytes differs from the one in the list of results: "
-                  "fetch the file again",
-                  path);
-        goto done;
-    }
+    if (!command_compare(file.stream, path, sha256, e)) goto done;
     if (store_file_commit(&file, e)) code = COMMAND_OK;
 done:
     if (code != COMMAND_OK && e->code == ERROR_NONE)
@@ -252,12 +243,24 @@ static int fetch_frame(client *c, fetching *f, int frame)
     return code;
 }
 
+/* The hash of a file that a document with a list of results states; "": none. */
+static const char *hash_in(json *document, const char *name)
+{
+    json_at root = json_root(document), results = json_member(&root, "results");
+    for (json_at item = json_first(&results); item.node; item = json_next(&item))
+        if (strcmp(json_string(json_member(&item, "name"), ""), name) == 0)
+            return json_string(json_member(&item, "sha256"), "");
+    return "";
+}
+
 /* Adds the points of a frame to the stack. */
 static int stack_frame(client *c, fetching *f, int frame, const char *name)
 {
     error e = {0};
     client_reply reply = {0};
-    char *href = mem_printf("/v1/jobs/%s/results/points.ply?frame=%d", f->id, frame);
+    char *href = mem_printf("/v1/jobs/%s/results/points.ply?frame=%d", f->id, frame),
+         *number = mem_printf("%d", frame);
+    json *document = read_results(c, f->id, number);
     FILE *points = tmpfile();
     int code = COMMAND_FAILED;
     progress_bar_show_count(&f->bar, f->fetched, f->all);
@@ -268,7 +271,7 @@ static int stack_frame(client *c, fetching *f, int frame, const char *name)
     else if (reply.status != 200)
         error_set(&e, ERROR_INTERNAL, "%s: the server answered with status %ld: %s", href, reply.status,
                   json_string(json_root(json_find(reply.document, "/detail")), "the answer has no reason"));
-    else {
+    else if (command_compare(points, href, hash_in(document, "points.ply"), &e)) {
         rewind(points);
         if (stack_add(f->stack, points, name, frame, &e)) code = COMMAND_OK;
     }
@@ -277,6 +280,8 @@ static int stack_frame(client *c, fetching *f, int frame, const char *name)
     if (code != COMMAND_OK) print_failure("%s", e.message);
     if (points) fclose(points);
     client_reply_clear(&reply);
+    json_free(document);
+    free(number);
     free(href);
     return code;
 }

@@ -54,7 +54,9 @@ def save(result: Result, chunks: Iterable[bytes], path: pathlib.Path) -> None:
                 digest.update(chunk)
                 file.write(chunk)
         if digest.hexdigest() != result.sha256:
-            raise Damaged(f"{result.name}: the SHA-256 of the received bytes differs from the one in the list of results: fetch the file again")
+            raise Damaged(f"{result.name}: the received bytes do not have the SHA-256 that the service states: the file is damaged in the "
+                          "service, or on the way. Submit the job again, which computes it again; to fetch it again helps only against "
+                          "damage on the way.")
         os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
