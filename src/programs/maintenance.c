@@ -229,7 +229,7 @@ static int sum_up(const audit_tally *t, bool alone, bool contents)
     if (t->findings)
         terminal_text_print(
             stdout,
-            "%zu fault%s found; see operations.md, \"A damaged database\" and \"Restore\" (package hexad-doc:"
+            "%zu fault%s found; see operations.md, \"A damaged database\", \"Damaged files\" and \"Restore\" (package hexad-doc:"
             " /usr/share/doc/hexad-doc/doc)\n",
             t->findings, t->findings == 1 ? "" : "s");
     else if (contents)

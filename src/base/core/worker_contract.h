@@ -50,7 +50,7 @@ typedef enum worker_exit {
 /* Files in the output directory. `run` writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
 /* The short members of the report that the daemon reads: outcome, count, outputs, inputs, ratings,
- * outcome_reasons, advice and surface.warnings, and report_bytes, the length of the report. The worker writes the file before the report and does not flush it to disk. If it is damaged,
+ * outcome_reasons, advice and surface.warnings, and report_bytes and report_sha256, length and hash of the report. The worker writes the file before the report and does not flush it to disk. If it is damaged,
  * readers use the report. */
 #define WORKER_SUMMARY_NAME "summary.json"
 /* With WORKER_OPTION_PROGRESS_FD: some points of the running job, replaced every 2 s during the relaxation.

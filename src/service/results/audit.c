@@ -37,9 +37,10 @@ static void show_progress(audit *a, bool is_last)
     const bool terminal = isatty(STDERR_FILENO);
     if (!a->contents || (!is_last && now - a->shown_ms < PROGRESS_MS)) return;
     a->shown_ms = now;
-    fprintf(stderr, "%scompared %zu results, %lld of about %lld MiB, and %zu uploads%s", terminal ? "\r" : "",
-            a->tally->results, (long long)a->read_bytes >> 20, (long long)a->all_bytes >> 20,
-            a->tally->uploads, terminal && !is_last ? "" : "\n");
+    if (terminal) fputc('\r', stderr);
+    fprintf(stderr, "compared %zu results, %lld of about %lld MiB, and %zu uploads", a->tally->results,
+            (long long)a->read_bytes >> 20, (long long)a->all_bytes >> 20, a->tally->uploads);
+    if (!terminal || is_last) fputc('\n', stderr);
 }
 
 static bool compare(audit *a, const char *directory, const result *r, error *e)

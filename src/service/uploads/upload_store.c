@@ -323,15 +323,16 @@ static bool is_held(const store_inputs *s, const char *hex)
     return held;
 }
 
-/* Removes the records about a removed file, and releases its bytes of the users who held it. The caller holds the
- * mutex, so that no user sends the file again or releases it in between. */
-static void remove_records(store_inputs *s, const char *hex, int64_t bytes)
+/* Removes the records about a removed file, and releases its bytes of the users who held it. `keep_names`: the names
+ * stay, for messages and until the next opening. The caller holds the mutex, so that no user sends the file again or
+ * releases it in between. */
+static void remove_records(store_inputs *s, const char *hex, int64_t bytes, bool keep_names)
 {
     DIR *directory = opendir(s->directory);
     if (!directory) return;
     for (struct dirent *d; (d = readdir(directory));) {
         const char *sender = record_hash(d->d_name, SENDER_PREFIX),
-                   *of = sender ? sender : record_hash(d->d_name, FILE_NAME_PREFIX);
+                   *of = sender || keep_names ? sender : record_hash(d->d_name, FILE_NAME_PREFIX);
         if (!of || strncmp(of, hex, STORE_INPUT_HEX) != 0) continue;
         if (unlinkat(dirfd(directory), d->d_name, 0) == 0 && sender)
             ledger_add(s->counts, LEDGER_UPLOAD_BYTES, sender_in(d->d_name), -bytes);
@@ -351,7 +352,7 @@ static bool collect_file(store_inputs *s, int directory, const char *name, bool 
                 unlinkat(directory, name, 0) == 0;
     if (gone) {
         s->used_bytes -= info.st_size;
-        remove_records(s, hex, info.st_size);
+        remove_records(s, hex, info.st_size, false);
     }
     pthread_mutex_unlock(&s->mutex);
     return gone;
@@ -432,7 +433,7 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool 
         bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (gone) {
         s->used_bytes -= bytes;
-        remove_records(s, hex, bytes);
+        remove_records(s, hex, bytes, false);
     }
     pthread_mutex_unlock(&s->mutex);
     if (ok) *found = gone;
@@ -482,7 +483,7 @@ void store_inputs_discard_damaged(store_inputs *s, const char *name)
                 unlink(path) == 0;
     if (gone) {
         s->used_bytes -= now.st_size;
-        remove_records(s, hex, now.st_size);
+        remove_records(s, hex, now.st_size, true);
     }
     pthread_mutex_unlock(&s->mutex);
     if (gone) {

@@ -52,8 +52,8 @@ bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *
  * file fail from then on. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e);
 
-/* Removes the file "sha256:HEX" with its records if its bytes have another hash: any user may then send it again.
- * Reads the whole file. */
+/* Removes the file "sha256:HEX" if its bytes have another hash: any user may then send it again. No user holds it
+ * any more; the names that users gave it stay for messages. Reads the whole file. */
 void store_inputs_discard_damaged(store_inputs *s, const char *name);
 
 /* Compares each stored file of the directory with its hash, and calls `look` for it. The directory may be
