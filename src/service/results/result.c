@@ -280,9 +280,12 @@ bool result_peek(const char *directory, result *r)
 
 void result_forget_list(const char *directory)
 {
-    char *path = mem_printf("%s/" LISTING_NAME, directory);
-    unlink(path);
-    free(path);
+    char *list = mem_printf("%s/" LISTING_NAME, directory),
+         *summary = mem_printf("%s/" WORKER_SUMMARY_NAME, directory);
+    unlink(list);
+    unlink(summary);
+    free(list);
+    free(summary);
 }
 
 bool result_hash_file(const char *directory, const char *name, char hex[STORE_HASH_SIZE], int64_t *bytes,

@@ -75,7 +75,8 @@ bool result_list(const char *directory, result *r, error *e);
 /* Stores the list of result_list if report.json is longer than 1 MiB, so that result_peek can read it. Call
  * it for a report without a summary. Errors are ignored. */
 void result_list_long(const char *directory);
-/* Removes the stored list of result_list. Call it before report.json is replaced. */
+/* Removes the stored list of result_list, and the summary: both have the hash of report.json. Call it before
+ * report.json is replaced. */
 void result_forget_list(const char *directory);
 void result_clear(result *r); /* accepts an empty one */
 
