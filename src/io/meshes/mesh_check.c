@@ -4,9 +4,6 @@
 #include <inttypes.h>
 #include <math.h>
 
-/* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
-static const double largest_coordinate = 1e30;
-
 bool mesh_check_counts(uint64_t vertices, uint64_t triangles, uint64_t others, size_t limit, error *e)
 {
     if (triangles == 0)
@@ -28,36 +25,36 @@ bool mesh_check_counts(uint64_t vertices, uint64_t triangles, uint64_t others, s
                      ((needed - limit) >> 20) + 1);
 }
 
-static bool is_usable(vec3 v)
+bool mesh_check_is_usable(vec3 v)
 {
-    return fabs(v.x) <= largest_coordinate && fabs(v.y) <= largest_coordinate &&
-           fabs(v.z) <= largest_coordinate;
+    return fabs(v.x) <= MESH_CHECK_LARGEST && fabs(v.y) <= MESH_CHECK_LARGEST &&
+           fabs(v.z) <= MESH_CHECK_LARGEST;
 }
 
 bool mesh_check_vertices(mesh *m, size_t *unused, error *e)
 {
     *unused = 0;
-    for (size_t n = 0; n < m->vertex_count; n++) *unused += !is_usable(m->vertex[n]);
+    for (size_t n = 0; n < m->vertex_count; n++) *unused += !mesh_check_is_usable(m->vertex[n]);
     if (*unused == 0) return true;
     for (size_t n = 0; n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++)
-            if (!is_usable(m->vertex[m->triangle[n][k]]))
+            if (!mesh_check_is_usable(m->vertex[m->triangle[n][k]]))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "triangle %zu: its vertex %" PRIu32
                                  " has a coordinate that is not finite or exceeds %g: repair the mesh",
-                                 n, m->triangle[n][k], largest_coordinate);
+                                 n, m->triangle[n][k], MESH_CHECK_LARGEST);
     for (size_t n = 0; n < m->vertex_count; n++)
-        if (!is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
+        if (!mesh_check_is_usable(m->vertex[n])) m->vertex[n] = m->vertex[m->triangle[0][0]];
     return true;
 }
 
 bool mesh_check_points(const vec3 *point, size_t count, error *e)
 {
     for (size_t i = 0; i < count; i++)
-        if (!is_usable(point[i]))
+        if (!mesh_check_is_usable(point[i]))
             return error_set(e, ERROR_INPUT_DAMAGED,
                              "row %zu: a coordinate is not finite or exceeds %g: remove the row", i,
-                             largest_coordinate);
+                             MESH_CHECK_LARGEST);
     return true;
 }
 

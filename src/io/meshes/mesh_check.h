@@ -10,6 +10,12 @@
 #include "base/core/error.h"
 #include "geometry/mesh/mesh.h"
 
+/* Largest accepted coordinate. Computations with squares and products of larger ones overflow. */
+#define MESH_CHECK_LARGEST 1e30
+
+/* Whether the coordinates are finite and not too large. */
+bool mesh_check_is_usable(vec3 v);
+
 /* `others`: points and lines, for the message. Errors: no_surface (there is no triangle), input_unsupported,
  * limit_memory. */
 bool mesh_check_counts(uint64_t vertices, uint64_t triangles, uint64_t others, size_t limit, error *e);

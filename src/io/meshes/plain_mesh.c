@@ -8,6 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "io/meshes/mesh_check.h"
 #include "io/meshes/plain_textures.h"
 
 bool plain_mesh_refuse_at(plain_mesh *m, const char *data, const char *at, const char *format, ...)
@@ -150,11 +151,34 @@ bool plain_mesh_reads_values(const char *ending)
     return readers[file_format_of_name(ending)].has_values;
 }
 
+static int compare_unusable(const void *key, const void *item)
+{
+    const uint32_t vertex = *(const uint32_t *)key, other = ((const plain_mesh_unusable *)item)->vertex;
+    return (vertex > other) - (vertex < other);
+}
+
+/* Refuses the file if a triangle has a vertex that is not usable and whose place is known. */
+static bool check_vertices(const char *format, const char *data, plain_mesh *m)
+{
+    for (size_t n = 0; n < 3 * m->triangles && m->unusables > 0; n++) {
+        const plain_mesh_unusable *found = bsearch(&m->triangle[n / 3][n % 3], m->unusable, m->unusables,
+                                                   sizeof *m->unusable, compare_unusable);
+        if (found)
+            return plain_mesh_refuse_at(
+                m, data, found->at,
+                "of the %s file is a vertex with a coordinate that is not finite or exceeds %g. Repair the mesh.",
+                format, MESH_CHECK_LARGEST);
+    }
+    return true;
+}
+
 /* Members of *out that begin with `keeps`, and textures, are set by the caller. */
 static bool read_as(const char *ending, const char *data, size_t size, plain_mesh *out)
 {
-    const mesh_format *format = &readers[file_format_of_name(ending)];
-    if (format->read && format->read(data, size, out) && (out->triangles > 0 || format->is_final))
+    const file_format named = file_format_of_name(ending);
+    const mesh_format *format = &readers[named];
+    if (format->read && format->read(data, size, out) &&
+        check_vertices(file_formats[named].name, data, out) && (out->triangles > 0 || format->is_final))
         return true;
     if (format->is_only_reader)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");

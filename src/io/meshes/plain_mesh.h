@@ -28,6 +28,11 @@ typedef struct plain_values {
     float *value; /* head.components numbers for each vertex, vertex by vertex */
 } plain_values;
 
+typedef struct plain_mesh_unusable {
+    uint32_t vertex;
+    const char *at;
+} plain_mesh_unusable;
+
 typedef struct plain_mesh {
     size_t vertices, triangles, others; /* others: points and lines */
     size_t crossed;                     /* polygons that cross themselves */
@@ -36,7 +41,10 @@ typedef struct plain_mesh {
     uint32_t *corner;                               /* scratch: corners of the polygon that is being read */
     size_t vertex_room, triangle_room, corner_room; /* capacities, in entries */
     const volatile sig_atomic_t *stop;              /* as in array_view; of files: NULL */
-    error_code refused;                             /* ERROR_NONE: the file is not refused */
+    const char *vertex_at; /* set by readers of text: the place of the vertex that is added next; or NULL */
+    plain_mesh_unusable *unusable; /* vertices that are not usable (mesh_check), with their places */
+    size_t unusables, unusable_room;
+    error_code refused;              /* ERROR_NONE: the file is not refused */
     char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
     /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
      * been multiplied already; if the library reads the file, the caller multiplies. */

@@ -9,6 +9,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "io/meshes/mesh_check.h"
 #include "io/meshes/polygon.h"
 
 /* Arrays of at least this size, in bytes, use pages of 2 MiB: faults of 4 KiB pages would take longer than
@@ -61,6 +62,12 @@ bool plain_mesh_add_vertex(plain_mesh *m, const double at[3])
                                  "the mesh has more than %zu vertices: cut it into parts", m->vertices);
     if (!make_room((void **)&m->vertex, &m->vertex_room, m->vertices + 1, sizeof *m->vertex))
         return plain_mesh_refuse_memory(m);
+    if (m->vertex_at && !mesh_check_is_usable((vec3){at[0], at[1], at[2]})) {
+        if (!plain_mesh_make_room(m, (void **)&m->unusable, &m->unusable_room, m->unusables + 1,
+                                  sizeof *m->unusable))
+            return false;
+        m->unusable[m->unusables++] = (plain_mesh_unusable){(uint32_t)m->vertices, m->vertex_at};
+    }
     memcpy(m->vertex[m->vertices++], at, sizeof *m->vertex);
     return true;
 }
@@ -208,6 +215,7 @@ void plain_mesh_free(plain_mesh *m)
     free(m->vertex);
     free(m->triangle);
     free(m->corner);
+    free(m->unusable);
     free(m->polygon_size);
     free(m->polygon_corner);
     *m = (plain_mesh){0};

@@ -64,6 +64,7 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         facts->weighted++;
     }
     facts->cut += has_word;
+    out->vertex_at = facts->text + (line - data);
     return plain_mesh_add_vertex(out, number);
 }
 

@@ -72,6 +72,7 @@ static bool read_vertex(off *o, plain_mesh *out)
     for (int k = 0; k < (o->has_w ? 4 : 3); k++)
         if (!read_number(o, &at[k])) return false;
     for (int k = 0; k < 3; k++) at[k] /= at[3];
+    out->vertex_at = o->at;
     return end_row(o, o->beside * sizeof(float)) && plain_mesh_add_vertex(out, at);
 }
 

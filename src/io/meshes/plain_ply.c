@@ -65,6 +65,7 @@ static bool read_vertices(ply_rows *r, ply_textures *t, plain_mesh *out)
     if (!plain_mesh_expect(out, expected_rows(r), 0)) return false;
     for (; r->row < element->count; r->row++) {
         double at[5] = {0, 0, 0, 0, 0};
+        out->vertex_at = r->layout == PLY_TEXT ? r->at + strspn(r->at, " \t\r\n") : r->at;
         if (!ply_rows_read(r, slot, at, NULL, NULL, NULL)) return refuse_row(r, out);
         if (!plain_mesh_add_vertex(out, at)) return false;
         if (coordinates != 3) continue;

@@ -14,11 +14,14 @@ static uint32_t read_little(const unsigned char *at)
     return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-static bool add_triangle(const double at[3][3], plain_mesh *out)
+/* `place`: of the corners in a text; or NULL. */
+static bool add_triangle(const double at[3][3], const char *const place[3], plain_mesh *out)
 {
     const uint32_t first = (uint32_t)out->vertices, corner[3] = {first, first + 1, first + 2};
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++) {
+        out->vertex_at = place ? place[k] : NULL;
         if (!plain_mesh_add_vertex(out, at[k])) return false;
+    }
     return plain_mesh_add_polygon(out, corner, 3);
 }
 
@@ -35,7 +38,7 @@ static bool read_binary(const unsigned char *data, size_t count, bool has_attrib
             memcpy(&value, &bits, sizeof value);
             at[k / 3][k % 3] = (double)value;
         }
-        if (!add_triangle((const double(*)[3])at, out)) return false;
+        if (!add_triangle((const double(*)[3])at, NULL, out)) return false;
         triangle += TRIANGLE;
         if (has_attributes) triangle += triangle[-2] | triangle[-1] << 8;
     }
@@ -61,14 +64,17 @@ static bool take_numbers(const char **at, double out[3])
 static bool read_facet(const char **at, plain_mesh *out, const char **expected)
 {
     double normal[3], corner[3][3];
+    const char *place[3];
     if (!take(at, *expected = "normal") || !(*expected = "a number", take_numbers(at, normal)) ||
         !take(at, *expected = "outer") || !take(at, *expected = "loop"))
         return false;
-    for (int k = 0; k < 3; k++)
-        if (!take(at, *expected = "vertex") || !(*expected = "a number", take_numbers(at, corner[k])))
-            return false;
+    for (int k = 0; k < 3; k++) {
+        if (!take(at, *expected = "vertex")) return false;
+        place[k] = *at;
+        if (!(*expected = "a number", take_numbers(at, corner[k]))) return false;
+    }
     return take(at, *expected = "endloop") && take(at, *expected = "endfacet") &&
-           add_triangle((const double(*)[3])corner, out);
+           add_triangle((const double(*)[3])corner, place, out);
 }
 
 static bool read_text(const char *data, plain_mesh *out)

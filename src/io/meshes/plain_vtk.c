@@ -202,6 +202,7 @@ static bool read_points(vtk *v)
         double at[3];
         for (int k = 0; k < 3; k++)
             if (!read_real(v, type, "the points", &at[k])) return false;
+        v->out->vertex_at = v->at;
         if (!plain_mesh_add_vertex(v->out, at)) return false;
     }
     return true;
