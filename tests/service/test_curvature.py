@@ -143,6 +143,20 @@ def test_directions_are_those_of_the_mesh(sample, tmp_path):
     assert numpy.abs((first * around).sum(axis=1)).max() < 0.05 and numpy.abs((second * around).sum(axis=1)).min() > 0.99
 
 
+@pytest.mark.parametrize("by", [{}, {"resolution": 40}])
+def test_directions_are_tangents_of_coarse_meshes(sample, tmp_path, by):
+    """The normals of the points are those of the facets; the curvature belongs to the smooth surface."""
+    bars.write(tmp_path / "torus.ply", *torus(16, 9))
+    columns, _ = sample({"mesh": {"path": "torus.ply", **by}}, 600, attributes=[{"from": "geometry", "name": f"direction{k}"} for k in (1, 2)])
+    normal = numpy.stack([columns[f"n{axis}"] for axis in "xyz"], axis=1)
+    first, second = (numpy.stack([columns[f"direction{k}_{axis}"] for axis in "xyz"], axis=1) for k in (1, 2))
+    defined = columns["kappa_defined"] == 1
+    assert defined.mean() > 0.9
+    for a, b in ((first, normal), (second, normal), (first, second)):
+        assert numpy.abs((a * b).sum(axis=1))[defined].max() < 1e-6
+    assert numpy.abs(numpy.linalg.norm(first, axis=1) - 1)[defined].max() < 1e-6
+
+
 def test_spacing_by_curvature_at_points_takes_the_curvature_of_the_mesh(sample, tmp_path):
     """The larger curvature of a torus is the same everywhere outside, whatever its quads are like."""
     bars.write(tmp_path / "torus.ply", *torus(40, 20))

@@ -401,6 +401,16 @@ static void read_place(const char *name, const source *from, const solver_points
     }
 }
 
+/* The first principal direction in the tangent plane of a point, or the second one at a right angle to it. The
+ * direction of a mesh is that of the smooth surface, whose normal differs from the point's on coarse meshes. 0, of an
+ * undefined direction, stays 0. */
+static vec3 tangential(vec3 first, vec3 normal, bool is_first)
+{
+    const vec3 flat = vec3_axpy(-vec3_dot(first, normal), normal, first);
+    if (!(vec3_norm2(flat) > 0)) return (vec3){0, 0, 0};
+    return is_first ? vec3_unit(flat) : vec3_cross(normal, vec3_unit(flat));
+}
+
 /* Values of the surface itself, from what the job has set in *a. */
 static void read_geometry(const char *name, const source *from, const attributes *a, const points *set,
                           double *values)
@@ -419,10 +429,11 @@ static void read_geometry(const char *name, const source *from, const attributes
             continue;
         }
         if (curvature && curvature[i].is_special) {
-            d = is_first ? curvature[i].direction1 : curvature[i].direction2;
+            d = curvature[i].direction1;
             if (from->turned) d = placement_turn_normal(from->turned, d);
         } else if (field_sample_at(source_world(from), set->position[i], FIELD_HESSIAN, &sample))
-            d = field_principal_direction(&sample, is_first);
+            d = field_principal_direction(&sample, true);
+        d = tangential(d, set->normal[i], is_first);
         memcpy(values + 3 * i, &d, 3 * sizeof *values);
     }
 }
