@@ -50,6 +50,26 @@ static void tubes_need_less_than_their_diameter(void **state)
     assert_in_range(1000 * c.factor * 0.3, 1000 * 0.8 * 0.14 / 1.2, 1000 * 1.05 * 0.14 / 1.2);
 }
 
+/* Beside its rim (63 degrees) and its tip (53 degrees) the walls of a solid cone are near at every spacing. */
+static void edges_and_tips_are_not_thin_walls(void **state)
+{
+    (void)state;
+    const analytic_params cone = {.shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {-1, 1, 1, 0}};
+    for (double h = 0.05; h < 0.3; h *= 2) {
+        const clearance c = measure(&cone, h, 2);
+        if (!(c.unresolved_share < 0.02 && c.factor == 1))
+            fail_msg("spacing %g: share %g, factor %g", h, c.unresolved_share, c.factor);
+    }
+}
+
+/* A wedge of 20 degrees is thin beside its edge as well. */
+static void sharp_wedges_are_thin(void **state)
+{
+    (void)state;
+    const analytic_params cone = {.shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {0, 0.36, 1, 0}};
+    assert_true(measure(&cone, 0.1, 2).unresolved_share > 0.3);
+}
+
 static void a_ball_needs_nothing(void **state)
 {
     (void)state;
@@ -62,9 +82,9 @@ static void a_ball_needs_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(plates_need_their_thickness),
-        cmocka_unit_test(tubes_need_less_than_their_diameter),
-        cmocka_unit_test(a_ball_needs_nothing),
+        cmocka_unit_test(plates_need_their_thickness), cmocka_unit_test(tubes_need_less_than_their_diameter),
+        cmocka_unit_test(a_ball_needs_nothing),        cmocka_unit_test(edges_and_tips_are_not_thin_walls),
+        cmocka_unit_test(sharp_wedges_are_thin),
     };
     return cmocka_run_group_tests_name("clearance", tests, NULL, NULL);
 }

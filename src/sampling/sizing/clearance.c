@@ -23,6 +23,14 @@ static const double TILT = 0.58;
  * are found from their own places. Cells of patches are as large as the spacing, which is unrelated to the
  * thickness of parts: there the first step is small, and growth is unlimited. */
 static const double STRIDE = 0.5, PATCH_STRIDE = 1.0 / 8, GROWTH = 1.02, PATCH_GROWTH = 1.3, LONGEST = 4;
+/* Cosine of the normals above which two walls may meet in an edge or a tip: at 37 degrees and more. Near an edge they
+ * are closer than any spacing, but only within 1.7 gaps of it. A sharper part is thin beside its edge as well. */
+static const double BLUNT = -0.8;
+/* Maximum distance, over that of the other rays, at which the ray along the normal meets a wall at an edge: at
+ * RESOLUTION_OPPOSITE it is 1.2 / 0.4 spacings. */
+static const double NORMAL_REACH = 1.77;
+/* How far beyond the line in which the tangent planes meet an edge is searched, over the distance of that line. */
+static const double EDGE_REACH = 1.5;
 /* Newton steps to the surface, and their tolerance in cell sizes. */
 static const int PROJECT_STEPS = 10;
 static const double PROJECT_TOLERANCE = 1e-2;
@@ -97,6 +105,20 @@ static double spacing_at(const field *f, const bundle *b, vec3 along, double rea
     return fmax(needed, least_resolved(f));
 }
 
+/* Whether the wall opposite to x, along `axis`, meets the wall of x in an edge or a tip beside x: a ray between both,
+ * towards the line in which their tangent planes meet, leaves through a wall. */
+static bool is_beside_edge(const field *f, const bundle *b, vec3 axis, double reach)
+{
+    vec3 end, other;
+    if (!meet(f, b, axis, reach, &end, &other)) return false;
+    const double cosine = vec3_dot(b->normal, other);
+    if (cosine < BLUNT || cosine >= RESOLUTION_OPPOSITE) return false;
+    const vec3 across = vec3_axpy(-cosine, b->normal, other), between = vec3_sub(end, b->x);
+    const double sine = vec3_norm(across), away = fabs(vec3_dot(other, between)) / sine;
+    const bundle middle = {vec3_axpy(0.5, between, b->x), b->normal, b->inside, FIELD_NO_HINT};
+    return meet(f, &middle, vec3_scale(across, (b->inside ? 1 : -1) / sine), EDGE_REACH * away, &end, &other);
+}
+
 /* The minimum over all rays from x. `hint`: of x, see field_sample_near. */
 static double least_spacing(const field *f, vec3 x, vec3 normal, uint32_t hint, double reach)
 {
@@ -107,6 +129,7 @@ static double least_spacing(const field *f, vec3 x, vec3 normal, uint32_t hint, 
     for (int side = -1; side <= 1 && least > least_resolved(f); side += 2) {
         vec3 axis = vec3_scale(normal, side);
         b.inside = side < 0;
+        if (is_beside_edge(f, &b, axis, NORMAL_REACH * reach)) continue;
         least = fmin(least, spacing_at(f, &b, axis, fmin(reach, RESOLUTION_REACH * least)));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;

@@ -4,7 +4,8 @@
  * Points are sampled uniformly from the surface. From each, rays are traced to both sides, along the normal
  * and at an angle to it, to the first wall that faces the point. The walls are separated if the spacing is at
  * most the largest one at which no bound of sampling/voronoi/resolution.h holds at the end of any ray. Walls
- * closer than half a cell, or on patches an eighth of the spacing, count as that distance apart.
+ * closer than half a cell, or on patches an eighth of the spacing, count as that distance apart. Walls that meet beside
+ * the point in a blunt edge or a tip do not count: no spacing separates them there.
  */
 #ifndef HEXAD_SAMPLING_SIZING_CLEARANCE_H
 #define HEXAD_SAMPLING_SIZING_CLEARANCE_H
