@@ -181,10 +181,11 @@ static bool check(const char *path, const char *directory, const command_options
     const char *why = options->on_service ? NULL : unsendable(path, member);
     const bool is_sequence = why && frames_is_pattern(path) && file_format_of_name(path) != FILE_FORMAT_EXR;
     if (options->on_service) *member = member_of(file_format_of_name(path));
-    bool ok = !why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE "%s%s%s", path, why,
-                                is_sequence ? ", or send the files with hexadctl upload '" : "",
-                                is_sequence ? path : "",
-                                is_sequence ? "', which says how to sample them by one job" : "");
+    bool ok = sample_spec_check(&wanted, &e);
+    ok = ok && (!why || error_set(&e, ERROR_SPEC_INVALID, "%s %s: " ON_SERVICE "%s%s%s", path, why,
+                                  is_sequence ? ", or send the files with hexadctl upload '" : "",
+                                  is_sequence ? path : "",
+                                  is_sequence ? "', which says how to sample them by one job" : ""));
     ok = ok && (*inspected = sample_spec_inspected(path, &wanted, &e));
     if (ok && !store_directory_is_free(directory, options->output != NULL))
         ok = error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, directory);

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/time.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/core/build_part.h"
@@ -764,6 +765,16 @@ static int sample(int argc, char **argv)
     mem_begin();
     if (!parse_arguments(argc, argv, &a, &e)) goto done;
     if (!a.output) a.output = stem = sample_spec_stem(a.spec_path);
+    if (!sample_spec_check(&a.sample, &e)) goto done;
+    struct stat info;
+    if (stem && !store_directory_is_free(stem, false) && stat(a.spec_path, &info) == 0 &&
+        S_ISDIR(info.st_mode)) {
+        error_set(&e, ERROR_SPEC_INVALID,
+                  "%s is a directory: give a file, or a pattern such as name.####.obj with --frames. For an "
+                  "OME-Zarr image, name the directory for the result with --output",
+                  a.spec_path);
+        goto done;
+    }
     if (!store_directory_is_free(a.output, !stem)) {
         error_set(&e, ERROR_SPEC_INVALID, STORE_DIRECTORY_TAKEN, a.output);
         goto done;

@@ -169,6 +169,17 @@ def test_wrong_options_are_named(sample, sample_alone, service, tmp_path, words,
     assert not jobs(service) and not (tmp_path / "ball").exists()
     error = json.loads(sample_alone("ball.obj", *words, code=2).stderr.splitlines()[-1])
     assert told in error["message"]
+    if told.startswith("--"):  # a directory that is taken hides no wrong option
+        for done in (sample("ball.obj", *words, "--output", "."), sample_alone("ball.obj", *words, "--output", ".", code=2)):
+            assert told in done.stderr, done.stderr
+
+
+def test_a_folder_is_not_called_a_result(sample, sample_alone, tmp_path):
+    (tmp_path / "scans").mkdir()
+    for path in ("scans", "./scans/", tmp_path / "scans"):
+        told = json.loads(sample_alone(path, code=2).stderr.splitlines()[-1])["message"]
+        assert told.startswith(f"{path} is a directory: give a file, or a pattern") and "exists" not in told
+        assert " is a directory" in sample(path).stderr
 
 
 def test_an_accepted_outcome_counts_as_converged(sample, sample_alone, tmp_path):
