@@ -685,10 +685,11 @@ static void warn_of_mesh(volume_info *info)
              "shells overlap, touch or intersect",
              100 * f->hidden);
     if (r->spacing > 0 && r->spacing < spacing_below * r->voxel_size)
-        warn(info,
-             "the spacing of %.3g is less than a voxel, %.3g, so sharp edges are rounded over "
-             "several points: set voxel_size to at most %.3g",
-             r->spacing, r->voxel_size, r->spacing);
+        warn(
+            info,
+            "the spacing of %.3g is less than a voxel, %.3g: details smaller than a voxel, such as sharp edges if "
+            "the mesh has any, are rounded over several points. Set voxel_size to at most %.3g",
+            r->spacing, r->voxel_size, r->spacing);
 }
 
 volume *volume_of_mesh(const volume_mesh_request *request, const mesh *whole, const mesh_notes *notes,
