@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import pathlib
+import resource
 import subprocess
 import sys
 import tempfile
@@ -71,12 +72,81 @@ class Torus:
         return other.centre + flat / out[:, None] * (other.major + tube[:, 0])[:, None] + tube[:, 1:] * new
 
 
-def write_torus(torus, voxel, path):
-    reach = torus.major + torus.minor + (levelsets.BAND + 2) * voxel
-    low = numpy.floor((torus.centre - reach) / voxel).astype(int)
-    high = numpy.ceil((torus.centre + reach) / voxel).astype(int)
+    def reach(self):
+        return numpy.full(3, self.major + self.minor)
+
+
+class BendingTorus:
+    """A torus whose circle in the middle rises and falls twice around the axis z, more in each frame."""
+
+    def __init__(self, frame, shape):
+        self.centre = numpy.zeros(3)
+        self.major, self.minor = shape["radii"]
+        self.height = shape["height"] * (frame - 1)
+
+    def bend(self, x):
+        return self.height * numpy.cos(2 * numpy.arctan2(x[..., 1], x[..., 0]))
+
+    def distance(self, x):
+        """The distance along z from the bent circle is that of a level; it is divided by the length of the gradient."""
+        out = numpy.hypot(x[..., 0], x[..., 1])
+        level = numpy.hypot(out - self.major, x[..., 2] - self.bend(x)) - self.minor
+        slope = 2 * self.height * numpy.sin(2 * numpy.arctan2(x[..., 1], x[..., 0])) / numpy.maximum(out, 0.1 * self.major)
+        tilt = (x[..., 2] - self.bend(x)) / numpy.maximum(level + self.minor, 1e-9)
+        return level / numpy.sqrt(1 + (slope * tilt) ** 2)
+
+    def area(self):
+        around, tube = numpy.meshgrid(*[2 * numpy.pi * (numpy.arange(n) + 0.5) / n for n in (720, 360)], indexing="ij")
+        out = self.major + self.minor * numpy.cos(tube)
+        slope = -2 * self.height * numpy.sin(2 * around)
+        along = numpy.stack([-out * numpy.sin(around), out * numpy.cos(around), slope], -1)
+        across = self.minor * numpy.stack([-numpy.sin(tube) * numpy.cos(around), -numpy.sin(tube) * numpy.sin(around), numpy.cos(tube)], -1)
+        return numpy.linalg.norm(numpy.cross(along, across), axis=-1).mean() * (2 * numpy.pi) ** 2
+
+    def carry(self, x, other):
+        return x + numpy.stack([0 * x[:, 0], 0 * x[:, 1], other.bend(x) - self.bend(x)], 1)
+
+    def reach(self):
+        return numpy.array([self.major + self.minor] * 2 + [abs(self.height) + self.minor])
+
+
+class Tube:
+    """A straight tube along x with half spheres as ends; it becomes longer and wider by factors."""
+
+    def __init__(self, frame, shape):
+        self.centre = numpy.zeros(3)
+        self.half, self.radius = (r * g ** (frame - 1) for r, g in zip((shape["length"] / 2, shape["radius"]), shape["growth"]))
+
+    def distance(self, x):
+        beyond = numpy.maximum(abs(x[..., 0]) - self.half, 0)
+        return numpy.sqrt(beyond ** 2 + x[..., 1] ** 2 + x[..., 2] ** 2) - self.radius
+
+    def area(self):
+        return 4 * numpy.pi * self.radius * (self.half + self.radius)
+
+    def carry(self, x, other):
+        along = numpy.clip(x[:, 0], -self.half, self.half)
+        centre = numpy.stack([along, 0 * along, 0 * along], 1)
+        return centre * (other.half / self.half) + (x - centre) * (other.radius / self.radius)
+
+    def reach(self):
+        return numpy.array([self.half + self.radius, self.radius, self.radius])
+
+
+SHAPES = {"torus": Torus, "bending": BendingTorus, "tube": Tube}
+
+
+def shape_of(case, frame):
+    """The shape of a case that has a formula; otherwise None."""
+    return next((made(frame, case[name]) for name, made in SHAPES.items() if name in case), None)
+
+
+def write_shape(shape, voxel, path):
+    reach = shape.reach() + (levelsets.BAND + 2) * voxel
+    low = numpy.floor((shape.centre - reach) / voxel).astype(int)
+    high = numpy.ceil((shape.centre + reach) / voxel).astype(int)
     axes = [numpy.arange(a, b + 1) * voxel for a, b in zip(low, high)]
-    levelsets.write_array(torus.distance(numpy.stack(numpy.meshgrid(*axes, indexing="ij"), axis=-1)), low, voxel, path)
+    levelsets.write_array(shape.distance(numpy.stack(numpy.meshgrid(*axes, indexing="ij"), axis=-1)), low, voxel, path)
 
 
 TORUS = {"radii": [1.0, 0.4], "velocity": [0.05, 0.03, 0.02], "turn": [0.02, 0.06, 0.04], "growth": [1.01, 1.01]}
@@ -100,6 +170,15 @@ CASES = {
     "torus, shrinking": {"what": "the torus of the first case at a spacing of 0.067, 1 % smaller in each frame",
                          "torus": {**TORUS, "growth": [0.99, 0.99]}, "frames": range(1, 21),
                          "sampling": {"spacing": 0.067}, "voxel": 0.04},
+    "torus, bending": {"what": "4000 points on a torus whose circle in the middle becomes a saddle in 60 frames",
+                       "bending": {"radii": [1.0, 0.4], "height": 0.01}, "frames": range(1, 61),
+                       "sampling": {"count": 4000}, "voxel": 0.04},
+    "tube, growing": {"what": "4000 points on a tube that becomes longer by 0.5 % a frame",
+                      "tube": {"length": 4.0, "radius": 0.5, "growth": [1.005, 1.0]}, "frames": range(1, 61),
+                      "sampling": {"count": 4000}, "voxel": 0.04},
+    "tube, wider": {"what": "the same tube, except that it becomes wider by 0.5 % a frame, not longer",
+                    "tube": {"length": 4.0, "radius": 0.5, "growth": [1.0, 1.005]}, "frames": range(1, 61),
+                    "sampling": {"count": 4000}, "voxel": 0.04},
     "smoke": {"what": "40 000 points on blender_smoke at density 0.8, from frame 2 towards 3 by 1/400 a frame",
               "blend": SMOKE, "steps": 400, "frames": range(1, 6), "sampling": {"count": 40000},
               "vdb": at_density(0.8)},
@@ -144,11 +223,16 @@ def surface_of(name, case, shared, where):
     """The files of a case, and its surface with the frames' places."""
     for frame in case["frames"]:
         path = where / f"{name}.{frame:04d}.vdb"
-        if "torus" in case:
-            write_torus(Torus(frame, case["torus"]), case["voxel"], path)
+        if shape_of(case, frame):
+            write_shape(shape_of(case, frame), case["voxel"], path)
         else:
             write_blend(case, shared, frame, path)
     return {"vdb": {"path": str(where / f"{name}.####.vdb"), **case.get("vdb", {})}}
+
+
+def processor_s():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def run_frame(worker, spec, frame, where, previous):
@@ -157,19 +241,21 @@ def run_frame(worker, spec, frame, where, previous):
         words += ["--frame", str(frame)]
     if previous:
         words += ["--previous", previous]
+    before = processor_s()
     done = subprocess.run(words, input=json.dumps(spec), text=True, capture_output=True)
+    spent = processor_s() - before
     if done.returncode not in (0, 10, 11):
         raise RuntimeError(f"frame {frame}: {done.stderr.strip().splitlines()[-1]}")
     with open(where / "report.json", encoding="utf-8") as file:
-        return measure.read_ply(where / "points.ply"), json.load(file)
+        return measure.read_ply(where / "points.ply"), {**json.load(file), "processor_s": spent}
 
 
 def ways(case, frame, before, after):
     """How far the points that are in both frames went beside the surface's own motion, world units."""
     _, i, j = numpy.intersect1d(before.columns["id"], after.columns["id"], return_indices=True)
     start, end = before.position[i], after.position[j]
-    if "torus" in case:
-        expected = Torus(frame - 1, case["torus"]).carry(start, Torus(frame, case["torus"]))
+    if shape_of(case, frame):
+        expected = shape_of(case, frame - 1).carry(start, shape_of(case, frame))
         return numpy.linalg.norm(end - expected, axis=1)
     way, normal = end - start, after.normal[j]
     return numpy.linalg.norm(way - (way * normal).sum(1)[:, None] * normal, axis=1)
@@ -182,12 +268,14 @@ def hex_alone(worker, spec, frame, where):
 
 
 def measure_frame(case, frame, points, report, before):
-    area = Torus(frame, case["torus"]).area() if "torus" in case else report["surface"]["area"]
+    shape = shape_of(case, frame)
+    area = shape.area() if shape else report["surface"]["area"]
     quality, told = measure.measure(points, area), report["sequence"]
     way = ways(case, frame, before, points) / quality["h"] if before else numpy.zeros(0)
     kept = len(way) > 0
     return {"frame": frame, "count": points.count, "hex": quality["hex_fraction"], "area_cv": quality["area_cv"],
             "born": told["born"], "died": told["died"], "sweeps": report["sweeps_total"],
+            "processor_s": report["processor_s"], "kept": told["carried"] / points.count if before else None,
             "median": float(numpy.median(way)) if kept else None,
             "p95": float(numpy.quantile(way, 0.95)) if kept else None}
 
@@ -229,7 +317,7 @@ def run_alone(worker, shared, where):
 FRAMES = ["row", "sequence", "frame", "points", "motion_median", "motion_p95", "hex_fraction", "hex_fraction_alone", "area_cv", "born", "died",
           "sweeps"]
 SEQUENCES = ["sequence", "frames", "points_first", "points_last", "motion_median_largest", "motion_p95_largest", "hex_fraction_least",
-             "hex_fraction_bound", "hex_fraction_alone_least", "area_cv_largest", "born", "died", "sweeps_largest", "missed"]
+             "hex_fraction_bound", "hex_fraction_alone_least", "area_cv_largest", "born", "died", "kept_least", "sweeps_largest", "processor_s", "missed"]
 ALONE_HEADER = ["row", "file", "density", "points", "spacing_voxels", "on_thin_walls_share", "hex_fraction"]
 
 
@@ -258,7 +346,7 @@ def sequence_row(name, rows):
     later = rows[1:]
     return [name, len(rows), rows[0]["count"], rows[-1]["count"], of("median", max, "{:.4f}"), of("p95", max, "{:.3f}"), of("hex", min, "{:.3f}"),
             case.get("hex_least", HEX_LEAST), of("alone", min, "{:.3f}"), of("area_cv", max, "{:.3f}"), sum(r["born"] for r in later),
-            sum(r["died"] for r in later), max((r["sweeps"] for r in later), default=None), sum(not is_good(case, r) for r in rows)]
+            sum(r["died"] for r in later), of("kept", min, "{:.4f}"), max((r["sweeps"] for r in later), default=None), f"{sum(r['processor_s'] for r in rows):.1f}", sum(not is_good(case, r) for r in rows)]
 
 
 def write_results(path, found, alone=()):

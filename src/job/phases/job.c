@@ -213,8 +213,6 @@ static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 static const double DEFAULT_FLOOR = 0.25;
 /* Step along curves, in local spacings; the error of the spacing is a tenth of it. */
 static const double CURVE_STEP = 0.05;
-/* Maximum excess energy of a frame of a sequence, relative to a frame that starts without points. */
-static const double MORE_DISORDER = 1.5;
 
 /* The curvature of places on meshes, for a sizing field. */
 static bool curvature_at_points(const void *context, size_t count, const vec3 *position, const vec3 *normal,
@@ -426,7 +424,7 @@ bool job_place(job *j, solution *out, error *e)
         !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
     solver_params params = {
-        .max_excess = MORE_DISORDER * j->sequence.excess_alone,
+        .max_excess = sequence_max_excess(&j->sequence, j->count),
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &witkin_heckbert_state : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,

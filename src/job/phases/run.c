@@ -132,7 +132,9 @@ static bool write_report(job *j, outcome_kind *outcome, error *e)
     given_points_describe(&j->given, j->spec, j->report);
     weights_describe(&j->weights, j->report);
     avoided_points_describe(&j->avoided, j->report);
-    if (j->spec->coherent) sequence_describe(&j->sequence, s->measures.energy_excess, j->report);
+    if (j->spec->coherent)
+        sequence_describe(&j->sequence, s->measures.energy_excess, solver_took_longer_steps(s->solver),
+                          j->report);
     *outcome = v.outcome;
     return job_may_continue(j, e) && to->report(to->context, j->report, e);
 }

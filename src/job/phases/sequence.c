@@ -13,6 +13,13 @@
 
 /* Maximum size of a report, bytes; it has a line for each sweep. */
 static const size_t REPORT_LIMIT = 64u << 20;
+/* A frame is eased if its excess energy exceeds that of a frame without transferred points by MORE_DISORDER, and that
+ * of the last eased frame by MORE_STRAIN. Otherwise the points of a surface that does not deform, on which easing
+ * does not help, would move in each frame. */
+static const double MORE_DISORDER = 1.1, MORE_STRAIN = 1.03;
+/* A frame with more births and deaths than this fraction of the points is not eased: the sweeps between its portions
+ * move the points already (frame_transfer). */
+static const double MANY_CHANGES = 1.0 / 600;
 static const char what[] = "the points of the frame before";
 
 static FILE *open_result(const char *directory, const char *name, error *e)
@@ -101,7 +108,8 @@ static bool read_numbers(sequence *s, const sequence_files *files, char points_h
     json_at root = json_root(document), at = json_member(&root, "sequence");
     double frame = json_number(json_member(&at, "frame"), -1),
            next = json_number(json_member(&at, "next_id"), -1),
-           excess = json_number(json_member(&at, "energy_excess_alone"), 0);
+           excess = json_number(json_member(&at, "energy_excess_alone"), 0),
+           eased = json_number(json_member(&at, "energy_excess_eased"), 0);
     bool good = frame >= 0 && frame <= INT32_MAX && next >= 0 && next <= UINT32_MAX;
     find_hash(root, points_hex);
     json_free(document);
@@ -112,6 +120,7 @@ static bool read_numbers(sequence *s, const sequence_files *files, char points_h
     s->previous_frame = (int)frame;
     s->next_id = (uint32_t)next;
     s->excess_alone = excess;
+    s->excess_eased = eased;
     return true;
 }
 
@@ -178,6 +187,13 @@ bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_t
     return ok;
 }
 
+double sequence_max_excess(const sequence *s, size_t count)
+{
+    const double changes = (double)(s->born + s->died);
+    if (!s->start || changes > MANY_CHANGES * (double)count) return 0;
+    return fmax(MORE_DISORDER * s->excess_alone, MORE_STRAIN * s->excess_eased);
+}
+
 static bool measure_drift(sequence *s, const solver_points *p, error *e)
 {
     double *drift = mem_array(p->count, sizeof *drift, what, e);
@@ -236,12 +252,13 @@ static void put_vec3(json *object, const char *key, vec3 v)
     json_append_number(array, v.z);
 }
 
-void sequence_describe(const sequence *s, double energy_excess, json *report)
+void sequence_describe(const sequence *s, double energy_excess, bool is_eased, json *report)
 {
     json *object = json_put_object(report, "sequence");
     json_put_integer(object, "frame", s->frame);
     json_put_integer(object, "next_id", s->next_id);
     json_put_number(object, "energy_excess_alone", s->start ? s->excess_alone : energy_excess);
+    json_put_number(object, "energy_excess_eased", s->start && !is_eased ? s->excess_eased : energy_excess);
     if (s->previous_frame >= 0) json_put_integer(object, "previous_frame", s->previous_frame);
     json_put_integer(object, "carried", (int64_t)s->carried);
     json_put_integer(object, "born", (int64_t)s->born);

@@ -28,6 +28,8 @@ typedef struct sequence {
     uint32_t next_id;          /* the next unused id of the sequence */
     /* energy_excess of the last frame that was sampled without points of a previous one; 0: unknown */
     double excess_alone;
+    /* the same of the last frame that was eased, or sampled without points */
+    double excess_eased;
     ply_file before; /* empty after the transfer */
     size_t carried, born, died;
     registration motion;
@@ -51,12 +53,15 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, bool be
 bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_transfer_params params,
                        threads *pool, frame_transfer *out, error *e);
 
+/* The excess energy above which a frame with transferred points is eased (solver_params.max_excess); 0: never. */
+double sequence_max_excess(const sequence *s, size_t count);
+
 /* For final points: computes velocities, assigns ids to new points, and measures the drift. Errors:
  * limit_memory; internal (ids are exhausted). */
 bool sequence_end(sequence *s, const solver_points *p, error *e);
 
-/* Adds the member `sequence`; `energy_excess` is that of this frame. */
-void sequence_describe(const sequence *s, double energy_excess, json *report);
+/* Adds the member `sequence`; `energy_excess` is that of this frame. `is_eased`: the solve took longer steps. */
+void sequence_describe(const sequence *s, double energy_excess, bool is_eased, json *report);
 void sequence_free(sequence *s);
 
 #endif

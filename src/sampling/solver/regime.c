@@ -13,7 +13,7 @@ static const regime continued_under_resolved = {.name = "continued_under_resolve
                                                 .is_under_resolved = true,
                                                 .goes_on_after_projection = true};
 static const regime continued_with_longer_steps = {.name = "continued_with_longer_steps",
-                                                   .schedule = &schedule_multilevel,
+                                                   .schedule = &schedule_eased,
                                                    .fast_kernel = true,
                                                    .is_continued = true,
                                                    .goes_on_after_projection = true};

@@ -98,6 +98,7 @@ extern const schedule schedule_multilevel; /* the default: fast steps, sweeps by
 extern const schedule
     schedule_continued; /* fast steps from positions near convergence, such as those of a frame of a
                          * sequence */
+extern const schedule schedule_eased; /* a few sweeps for a packing that the motion of a frame has strained */
 
 /* Position in a solve. */
 typedef struct schedule_position {

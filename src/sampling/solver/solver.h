@@ -105,6 +105,8 @@ double solver_spacing(const solver *s); /* h of the current level, world units *
  * gain up to solver_coarsest_gain is converged. */
 double solver_gain(const solver *s);
 double solver_coarsest_gain(const solver *s);
+/* Whether the energy of given points was so high that they took longer steps (solver_params.max_excess). */
+bool solver_took_longer_steps(const solver *s);
 /* Number of draws of initial positions that were repeated, plus number of relocations by the final
  * projection: of particles that cannot be projected, and of particles among the samples of a curve. */
 size_t solver_removed_offsurface(const solver *s);

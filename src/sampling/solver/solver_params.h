@@ -39,8 +39,8 @@ typedef struct solver_params {
      *   and spacing: one entry for each patch of a point on a curve, thus more than `count`. */
     const vec3 *given, *given_normal;
     /* With SOLVER_START_GIVEN: if the mean energy over the ideal energy exceeds 1 + max_excess at
-     * convergence, the solve continues once, with the long steps that a solve from SOLVER_START_SURFACE takes
-     * on its last level. They remove more defects and move the points farther. 0: never. */
+     * convergence, the solve continues once, with a few of the long steps that a solve from
+     * SOLVER_START_SURFACE takes on its last level. They remove defects and move the points farther. 0: never. */
     double max_excess;
     /* With SOLVER_START_GIVEN and patches, required: patch and place of these solver_patch_points, see
      * `given`. With SOLVER_START_COARSEST and patches, required: given_patch, the patch of each position. Without

@@ -102,6 +102,11 @@ double solver_gain(const solver *s)
     return k > 0 ? s->record.round[k - 1].gain : 0;
 }
 
+bool solver_took_longer_steps(const solver *s)
+{
+    return s->state.regime->schedule == &schedule_eased;
+}
+
 double solver_coarsest_gain(const solver *s)
 {
     return schedule_coarsest_gain(s->state.regime->schedule);
