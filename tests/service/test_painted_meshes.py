@@ -113,6 +113,57 @@ def test_a_density_of_0_leaves_the_spacing_to_its_growth(sample, tmp_path):
     assert columns["spacing"][columns["x"] < -1].min() > 3 * columns["spacing"].min()
 
 
+def step(x):
+    """Spacings of 1 to 4 within a quarter of the torus's tube."""
+    return 1 + 3 / (1 + numpy.exp(x / 0.05))
+
+
+@pytest.mark.parametrize("kind, gradation", [("spacing", 0.2), ("density", 0.2), ("spacing", 1)])
+def test_a_map_that_gradation_cuts_is_told(sample, diagnose, tmp_path, kind, gradation):
+    """The share and the largest cut are those of the points."""
+    vertices, faces = torus()
+    values = step(vertices[:, 0]) if kind == "spacing" else step(vertices[:, 0]) ** -2
+    write_ply(tmp_path / "m.ply", vertices, faces, {"quality": ("float", values)}, "ascii")
+    columns, report = sample({"mesh": {"path": "m.ply"}}, {"name": "quality", "kind": kind}, gradation=gradation)
+    grading = report["grading"]
+    asked = step(columns["x"]) * grading["scale"] * (1 if kind == "spacing" else numpy.sqrt(2 / numpy.sqrt(3)))
+    cut = 1 - columns["spacing"] / asked
+    diagnose(f"{(cut > 0.05).mean():.3f} of the points, up to {cut.max():.3f}; {grading}")
+    assert abs(grading["cut_share"] - (cut > 0.05).mean()) < 0.015 and abs(grading["largest_cut"] - cut.max()) < 0.05
+    told = [text for text in report["surface"]["warnings"] if "sampling.gradation" in text]
+    assert len(told) == (grading["cut_share"] > 0.05) == (gradation == 0.2)
+    assert all(f"by up to {100 * grading['largest_cut']:.3g} %" in text for text in told)
+
+
+@pytest.mark.parametrize("aside, is_far", [(0, False), (0.02, False), (0.5, True), (50, True)])
+def test_a_mesh_beside_the_surface_is_told(solve, tmp_path, aside, is_far):
+    """A map, and the mesh of an attribute."""
+    vertices, faces = torus()
+    write_ply(tmp_path / "m.ply", vertices + [aside, 0, 0], faces, {"quality": ("float", painted(vertices[:, 0]))}, "ascii")
+    for name, words in (("sampling", "sampling.grid: "), ("attributes", 'attribute "paint": ')):
+        more = ({"sampling": {"count": 1000, "grid": {"path": "m.ply", "name": "quality"}}} if name == "sampling"
+                else {"sampling": {"count": 1000}, "attributes": [{"from": "m.ply", "name": "quality", "as": "paint"}]})
+        report, data = solve({"version": 1, "surface": TORUS, "output": {"preview": False}, **more})
+        assert data, report
+        told = [text for text in report["surface"]["warnings"] if "farther than a spacing" in text]
+        assert len(told) == is_far and all(text.startswith(words) and "units" in text for text in told)
+
+
+def test_voxels_beside_the_surface_are_told(solve, tmp_path):
+    """Those of half of the surface: elsewhere the map requests nothing."""
+    vdb = pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write maps with")
+    for low, is_far in ((-15, False), (0, True)):
+        grid = vdb.FloatGrid(0.0)
+        grid.name = "spacing"
+        grid.transform = vdb.createLinearTransform(voxelSize=0.1)
+        grid.copyFromArray(numpy.ones((16 - low, 31, 31), numpy.float32), ijk=(low, -15, -15))
+        vdb.write(str(tmp_path / "map.vdb"), grids=[grid])
+        report, data = solve({"version": 1, "surface": TORUS, "output": {"preview": False},
+                              "sampling": {"count": 1000, "grid": {"path": "map.vdb", "name": "spacing"}}})
+        assert data, report
+        assert any("farther than a spacing from the map" in text for text in report["surface"]["warnings"]) == is_far
+
+
 FAULTS = {
     "no name": ({"name": "qualify"}, "attribute_missing", 'm.ply: the mesh has no "qualify": choose one of "color", '),
     "no component": ({"name": "color"}, "input_unsupported", '"color" has 4 components: set /sampling/grid/component to one of 0 to 3'),

@@ -8,6 +8,7 @@
 #ifndef HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
 #define HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
 
+#include "geometry/mesh/mesh.h"
 #include "job/attributes/stencil.h"
 #include "base/core/error.h"
 #include "io/volumes/exr_stack.h"
@@ -34,11 +35,13 @@ typedef struct attribute_request {
     bool is_sent;           /* the file was uploaded: no other file lies beside it */
     const vec3 *voxel_size; /* of a dense volume; replaces the size in the file; or NULL */
     attribute_mesh **last;
+    const double *spacing; /* for attribute_read: requested spacing of each point */
 } attribute_request;
 
 /* Points outside get the background of a grid, or the last sample of a dense volume. */
 typedef struct attribute_counts {
     size_t outside;          /* number of points without data at their position */
+    size_t far;              /* number of points farther than their spacing from a mesh */
     size_t not_finite;       /* number of points whose value is not finite and was replaced by 0 */
     dense_warnings warnings; /* of the file; and of materials and images of a mesh */
 } attribute_counts;
@@ -48,6 +51,11 @@ typedef struct attribute_counts {
 bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
 
 void attribute_forget(attribute_mesh **last);
+
+/* Whether point i, at x, is farther than its spacing from a place of a mesh of the file: the place with these weights
+ * of the vertices `corner`. */
+bool attribute_is_far(const attribute_request *request, size_t i, vec3 x, const mesh *m,
+                      const uint32_t corner[3], const double weight[3]);
 
 /* Computes the values at `count` positions, `components` values each. */
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,

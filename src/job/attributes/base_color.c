@@ -338,7 +338,7 @@ static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corn
 }
 
 static bool locate_points(const attribute_request *request, const textured_mesh *t, size_t count,
-                          const vec3 *position, place *places, double *values, error *e)
+                          const vec3 *position, place *places, double *values, size_t *far, error *e)
 {
     double to_file[3][4];
     uint32_t *polygon = mesh_polygons_of_triangles(&t->polygons, t->m.triangle_count, e);
@@ -349,6 +349,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
         const vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
         const uint32_t nearest = (uint32_t)triangle_tree_find(tree, x, weight);
         locate(t, polygon[nearest], t->m.triangle[nearest], weight, &places[i], values + 4 * i);
+        *far += attribute_is_far(request, i, position[i], &t->m, t->m.triangle[nearest], weight);
     }
     const bool ok = tree != NULL;
     triangle_tree_free(tree);
@@ -412,8 +413,8 @@ bool base_color_read(const attribute_request *request, size_t count, const vec3 
 {
     textured_mesh t = {.places = count * sizeof(place)};
     place *places = mem_array(count, sizeof *places, what, e);
-    bool ok =
-        places && read_mesh(request, &t, e) && locate_points(request, &t, count, position, places, values, e);
+    bool ok = places && read_mesh(request, &t, e) &&
+              locate_points(request, &t, count, position, places, values, &counts->far, e);
     for (uint32_t k = 0; ok && k < t.textures.images; k++)
         if (is_used(&t.textures, k)) ok = apply_image(request, k, &t, count, places, values, e);
     for (size_t i = 0; ok && i < count; i++) counts->not_finite += !finish(&t, &places[i], values + 4 * i);

@@ -97,6 +97,7 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
         double weight[3], *out = values + (size_t)components * i;
         vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
         const uint32_t *corner = kept->m.triangle[triangle_tree_find(kept->tree, x, weight)];
+        counts->far += attribute_is_far(request, i, position[i], &kept->m, corner, weight);
         bool finite = true;
         mix(kept->values.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
         for (int c = 0; c < components; c++) finite &= isfinite(out[c]);

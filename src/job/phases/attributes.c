@@ -25,6 +25,7 @@ struct attributes_entry {
     exr_stack_params stack; /* if the surface is an EXR stack */
     slices_files files;
     attribute_counts counts;
+    bool is_far;        /* many points are far from the mesh of its file */
     int place;          /* for positions on a mesh: the index of the array (ATTACHMENT_MESH ...); otherwise
                          * -1 */
     double distance;    /* for positions on meshes: largest distance of a point from its stored position, in
@@ -482,6 +483,7 @@ static bool read_one(const attributes *a, size_t k, const source *from, const so
     out->values = values;
     entry->counts = (attribute_counts){0};
     entry->request.memory_limit = memory_limit;
+    entry->request.spacing = set->spacing;
     entry->stack.memory_limit = memory_limit;
     if (!values) return false;
     if (entry->place >= 0) return true; /* read_attachment fills it in */
@@ -496,6 +498,7 @@ static bool read_one(const attributes *a, size_t k, const source *from, const so
         read_geometry(entry->spec->name, from, a, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
+    entry->is_far = (double)entry->counts.far > SOURCE_FAR_SHARE * (double)set->count;
     for (size_t i = 0; out->kind == POINT_ATTRIBUTE_INT && i < numbers; i++) values[i] = round(values[i]);
     note_range(entry, values, numbers);
     if (out->kind == POINT_ATTRIBUTE_INT &&
@@ -623,6 +626,10 @@ json *attributes_describe(const attributes *a, json *warnings)
         if (entry->place >= 0) continue;
         warn(warnings, entry, entry->counts.outside,
              "are outside the data of the file: they have its background value, or the nearest one");
+        if (entry->is_far)
+            warn(warnings, entry, entry->counts.far,
+                 "are farther than a spacing from the mesh of the file: they have the values of its nearest "
+                 "places. Check the position and the units of the mesh");
         warn(warnings, entry, entry->counts.not_finite,
              "have a value that is not finite: it is written as 0");
         for (uint32_t i = 0; i < entry->counts.warnings.count; i++) {

@@ -53,6 +53,9 @@ struct source_part {
     char *nothing; /* reason why the solid is empty; then the other members are NULL and 0. Otherwise NULL */
 };
 
+/* Fraction of the points from which their distance from a map, or from the mesh of an attribute, is a warning. */
+#define SOURCE_FAR_SHARE 0.05
+
 typedef struct source {
     const field *field; /* in the sampled space */
     source_part whole;

@@ -608,6 +608,27 @@ static void describe(sizing_field *g, size_t cells)
     g->facts.points = g->points_before[cells];
 }
 
+/* Measures where `gradation` reduces the spacings of a map. A place at which the map requests no points has none. */
+static void measure_cuts(sizing_field *g, const spacing_request *r, const double *spacing)
+{
+    const sizing_field_params *p = &g->params;
+    const double high = p->max_spacing > 0 ? p->max_spacing : INFINITY;
+    double points = 0;
+    g->facts.largest_cut = 0;
+    for (size_t k = 0; k < r->scan->cells; k++) {
+        const double area = surface_cell_area(r->scan, k);
+        const vec3 x = r->samples.position[k];
+        if (isnan(spacing[k]) || !(area > 0) || !spacing_request_is_painted(r, k)) continue;
+        double asked = fmin(fmax(g->facts.scale * spacing[k], p->min_spacing), high);
+        if (r->feature) asked = fmin(asked, spacing_request_cap(p, r->feature[k]));
+        if (p->curves) asked = spacing_beside(p, curve_distance_at(p->curves, 0, x), asked);
+        const double found = sizing_field_spacing(g, x, NULL), cut = 1 - found / asked;
+        g->facts.largest_cut = fmax(g->facts.largest_cut, cut);
+        if (cut > SIZING_FIELD_CUT) points += area / packing_cell_area(found);
+    }
+    g->facts.cut_share = points / g->facts.points;
+}
+
 /* Makes the field of a request. If that depends on the spacing, makes rough fields first: the curvature of
  * each iteration is over the geometric mean of the spacings of the last two. */
 static bool fill_field(sizing_field *g, spacing_request *r, size_t count, threads *pool, error *e)
@@ -626,9 +647,10 @@ static bool fill_field(sizing_field *g, spacing_request *r, size_t count, thread
              (count > 0 ? meet_count(g, r->scan, r->samples.position, count, pass < passes - 1, pool, e)
                         : take_points(g, r->scan, r->samples.position, pool, e));
     }
+    if (ok) describe(g, cells);
+    if (ok && spacing_request_is_map(&g->params)) measure_cuts(g, r, spacing);
     free(over);
     free(spacing);
-    if (ok) describe(g, cells);
     return ok;
 }
 

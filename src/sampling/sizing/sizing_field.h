@@ -46,6 +46,9 @@ sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t c
  * nodes. */
 double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient);
 
+/* A spacing that is reduced by at most this fraction follows the map. */
+#define SIZING_FIELD_CUT 0.05
+
 /* Properties of the field: the factor of the request that meets the count, and the range of spacings. */
 typedef struct sizing_field_facts {
     double scale, least, largest;
@@ -53,6 +56,9 @@ typedef struct sizing_field_facts {
     double
         permitted_ratio; /* with a ratio: the ratio of spacings that the curvatures have before growth and smoothing */
     spacing_request_features features; /* with feature_ratio */
+    /* With a map: fraction of the points whose spacing is more than SIZING_FIELD_CUT below the map's, times `scale` and
+     * within the bounds; and the largest such fraction of a spacing. */
+    double cut_share, largest_cut;
 } sizing_field_facts;
 sizing_field_facts sizing_field_describe(const sizing_field *g);
 

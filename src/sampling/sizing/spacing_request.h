@@ -38,6 +38,12 @@ typedef struct spacing_request {
 
 bool spacing_request_is_map(const sizing_field_params *params);
 
+/* Whether a map requests points at cell k. */
+static inline bool spacing_request_is_painted(const spacing_request *r, size_t k)
+{
+    return r->params->kind == SIZING_FIELD_DENSITY ? r->value[k] > 0 : isfinite(r->value[k]);
+}
+
 /* Whether the request at a place depends on that place only, not on its neighbourhood. */
 bool spacing_request_is_at_points(const sizing_field_params *params);
 

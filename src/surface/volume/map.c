@@ -178,8 +178,8 @@ size_t map_memory(const map *m)
            m->grid->tile_count * sizeof(vdb_tile);
 }
 
-/* The value of a voxel. False: it is ignored. */
-static bool voxel(const map *m, const int32_t at[3], double *value)
+/* The value of a voxel. `everywhere`: also of the background. False: it is ignored. */
+static bool voxel(const map *m, bool everywhere, const int32_t at[3], double *value)
 {
     if (m->array) {
         const size_t *size = m->array->values.size;
@@ -190,10 +190,10 @@ static bool voxel(const map *m, const int32_t at[3], double *value)
     }
     grid_view_block b = grid_view_find(&m->grid_view, at[0] >> 3, at[1] >> 3, at[2] >> 3);
     *value = (double)b.constant;
-    if (b.leaf == BLOCK_MAP_NONE) return m->everywhere || b.constant != m->grid_view.background;
+    if (b.leaf == BLOCK_MAP_NONE) return everywhere || b.constant != m->grid_view.background;
     size_t x = (size_t)(at[0] & 7), yz = (size_t)(8 * (at[1] & 7) + (at[2] & 7));
     *value = (double)m->grid->leaf_values[b.leaf * (size_t)VDB_LEAF_VOXELS + 64 * x + yz];
-    return m->everywhere || m->grid->leaf_active[8 * (size_t)b.leaf + x] >> yz & 1;
+    return everywhere || m->grid->leaf_active[8 * (size_t)b.leaf + x] >> yz & 1;
 }
 
 static double vertex_value(const map *m, vec3 x)
@@ -204,16 +204,14 @@ static double vertex_value(const map *m, vec3 x)
     return value;
 }
 
-double map_value(const void *context, vec3 x)
+static double voxel_value(const map *m, bool everywhere, vec3 x)
 {
-    const map *m = context;
-    if (m->tree) return vertex_value(m, x);
     vec3 index = affine_apply(m->to_index, x.x, x.y, x.z);
     int32_t low[3];
     double t[3], sum = 0, weights = 0;
     for (int a = 0; a < 3; a++) {
         double v = vec3_get(index, a), below = floor(v);
-        if (!(fabs(v) < INT32_MAX - 1)) return m->everywhere ? (double)m->grid->background : NAN;
+        if (!(fabs(v) < INT32_MAX - 1)) return everywhere ? (double)m->grid->background : NAN;
         low[a] = (int32_t)below;
         t[a] = v - below;
     }
@@ -221,9 +219,29 @@ double map_value(const void *context, vec3 x)
         const int32_t at[3] = {low[0] + (c & 1), low[1] + (c >> 1 & 1), low[2] + (c >> 2)};
         double weight = (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]),
                value;
-        if (weight == 0 || !voxel(m, at, &value)) continue;
+        if (weight == 0 || !voxel(m, everywhere, at, &value)) continue;
         sum += weight * value;
         weights += weight;
     }
     return weights > 0 ? sum / weights : NAN;
+}
+
+double map_value(const void *context, vec3 x)
+{
+    const map *m = context;
+    return m->tree ? vertex_value(m, x) : voxel_value(m, m->everywhere, x);
+}
+
+bool map_is_near(const map *m, vec3 x, double distance)
+{
+    double distance2 = distance * distance;
+    size_t nearest;
+    if (m->tree) return triangle_tree_find_nearer(m->tree, x, &distance2, &nearest);
+    bool is_near = !isnan(voxel_value(m, false, x));
+    for (int k = 0; k < 12 && !is_near; k++) { /* three axes, both directions, two distances */
+        vec3 at = x;
+        vec3_set(&at, k % 3, vec3_get(x, k % 3) + (k & 1 ? 1 : -1) * (k < 6 ? 1 : 0.5) * distance);
+        is_near = !isnan(voxel_value(m, false, at));
+    }
+    return is_near;
 }

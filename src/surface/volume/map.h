@@ -42,4 +42,8 @@ size_t map_memory(const map *m); /* bytes; NULL: 0 */
  * context. */
 double map_value(const void *m, vec3 x);
 
+/* Whether the triangles of a mesh are within `distance` of x; or whether a voxel has a value there: at x, or at
+ * `distance` or half of it along an axis. The background is no value. */
+bool map_is_near(const map *m, vec3 x, double distance);
+
 #endif
