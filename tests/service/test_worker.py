@@ -315,14 +315,15 @@ def test_double_rows_along_the_rims_of_a_thin_plate_are_unresolved(worker, tmp_p
 
 
 @pytest.mark.sanitized
-def test_walls_thinner_than_the_spacing_are_a_warning(worker, tmp_path):
+def test_walls_thinner_than_the_spacing_are_advice(worker, tmp_path):
     """Of a plate without points on its rims: each wall is covered, whatever the distance of the walls is."""
     thin = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.05]}}
     done = worker({"version": 1, "surface": thin, "sampling": {"count": 150}, "output": {"preview": False}})
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert done.returncode == 0 and report["outcome_reasons"] == [] == report["advice"]
-    (warning,) = report["surface"]["warnings"]
-    assert " % of the surface are walls thinner than 1.2 spacings. " in warning and f"warning: {warning}\n" in done.stderr
+    assert done.returncode == 0 and report["outcome_reasons"] == [] == report["surface"]["warnings"]
+    (advice,) = report["advice"]
+    assert " % of the surface are walls thinner than 1.2 spacings. " in advice["message"] and f"advice: {advice['message']}\n" in done.stderr
+    assert advice["code"] == "thin_walls" and advice["set"] == {}
 
 
 @pytest.mark.sanitized
@@ -387,22 +388,23 @@ def test_seven_neighbours_on_a_saddle_are_order(worker, tmp_path, sampling):
 
 
 @pytest.mark.parametrize("count, thin", [(4, True), (30, True), (200, True), (20, False), (200, False)])
-def test_points_on_thin_walls_get_the_warning_of_the_estimate(worker, tmp_path, example, count, thin):
+def test_points_on_thin_walls_get_the_advice_of_the_estimate(worker, tmp_path, example, count, thin):
     """A tube that is thinner than the spacing, and a sphere."""
     spec = volume(example, count, grid="trefoil") if thin else sphere(count, output={"preview": False})
-    before = json.loads(worker(spec, command="estimate", output="estimate").stdout)["warnings"]
+    estimated = json.loads(worker(spec, command="estimate", output="estimate").stdout)
+    before = [advice for advice in estimated["advice"] if advice["code"] == "thin_walls"]
     assert worker(spec).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert [w for w in report["surface"]["warnings"] if "walls thinner than 1.2 spacings" in w] == before
-    assert len(before) == thin
+    assert [advice for advice in report["advice"] if advice["code"] == "thin_walls"] == before
+    assert len(before) == thin and estimated["warnings"] == []
 
 
-def test_the_count_of_a_warning_of_thin_walls_ends_the_warning(worker, tmp_path, example):
-    """A spec with the count of the warning gets no such warning."""
+def test_the_count_of_the_advice_on_thin_walls_ends_the_advice(worker, tmp_path, example):
+    """A spec with the count of the advice gets no such advice."""
     def counts():
         assert worker(spec).returncode == 0
-        warnings = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
-        return [int(re.search(r"ask for (\d+) points", w)[1]) for w in warnings if "walls thinner" in w]
+        advice = json.loads((tmp_path / "out" / "report.json").read_text())["advice"]
+        return [int(re.search(r"ask for (\d+) points", a["message"])[1]) for a in advice]
 
     spec = volume(example, 300, grid="trefoil")
     (spec["sampling"]["count"],) = counts()
@@ -781,6 +783,17 @@ def test_a_report_of_many_sweeps_is_thinned(worker, tmp_path):
     assert summary["report_bytes"] == len(text)
 
 
+def test_the_report_begins_with_the_regime(worker, tmp_path):
+    """The method "paper" with alpha is solved by levels from its default start."""
+    spec = {"version": 1, "surface": QUARTIC, "sampling": {"count": 300, "alpha": {}}, "output": {"preview": False}}
+    for start, regime in (("sized", "multilevel"), ("surface", "paper")):
+        assert worker({**spec, "solver": {"method": "paper", "init": start}}).returncode in (0, 10, 11)
+        text = (tmp_path / "out" / "report.json").read_text()
+        report = json.loads(text)
+        assert report["spec"]["solver"]["method"] == "paper" and report["regime"] == report["rounds"][-1]["regime"] == regime
+        assert "regime" in list(report)[:6]
+
+
 def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path):
     """All of them, though each lies on a wall thinner than the spacing."""
     done = worker(volume(example, 101))
@@ -790,10 +803,10 @@ def test_points_too_few_to_separate_walls_are_measured(example, worker, tmp_path
     assert quality["thin_count"] == 101
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0.5
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
-    (warning,) = report["surface"]["warnings"]
-    assert warning.startswith("About 100 % of the surface are walls thinner than 1.2 spacings. This matters only if triangles are made from "
-                              "the points alone. To distinguish the two sides of these walls, ask for ")
-    assert done.returncode == 0 and report["advice"] == []
+    (advice,) = report["advice"]
+    assert advice["message"].startswith("About 100 % of the surface are walls thinner than 1.2 spacings. This matters only if triangles are made from "
+                                        "the points alone. To distinguish the two sides of these walls, ask for ")
+    assert done.returncode == 0 and report["surface"]["warnings"] == []
     rating = report["ratings"]["hex_fraction"]["rating"]
     assert f"hex_fraction {quality['hex_fraction']:.4f} ({rating})" in done.stdout
 

@@ -11,6 +11,7 @@
 
 #include "close.h"
 #include "lattice_scenes.h"
+#include "base/core/memory.h"
 #include "job/report/advice.h"
 #include "job/report/outcome.h"
 
@@ -335,6 +336,46 @@ static void points_that_still_move_do_not_require_more_sweeps(void **state)
     assert_non_null(strstr(message_of(&v, "step_left"), "use region"));
 }
 
+/* The warning about walls on half of the points. The caller frees it. */
+static char *walls_text(const spec *s, advice_resolution to)
+{
+    json *advice = json_new_array(), *warnings = json_new_array();
+    advice_put_walls(advice, warnings, s, 0.5, false, to);
+    json_at list = json_root(warnings), none = json_root(advice);
+    assert_true(json_size(list) == 1 && json_size(none) == 0);
+    char *text = mem_strdup(json_string(json_first(&list), ""));
+    json_free(advice);
+    json_free(warnings);
+    return text;
+}
+
+/* What matters only to triangles between the points is advice, not a warning. */
+static void walls_of_a_represented_surface_are_advice(void **state)
+{
+    (void)state;
+    const spec s = {.surface = {.kind = SPEC_SURFACE_MESH}};
+    json *advice = json_new_array(), *warnings = json_new_array();
+    advice_put_walls(advice, warnings, &s, 0.5, true, advice_resolve(1, 1000, 0.5, 0));
+    json_at list = json_root(advice), item = json_first(&list), none = json_root(warnings);
+    assert_true(json_size(list) == 1 && json_size(none) == 0);
+    assert_string_equal(json_string(json_member(&item, "code"), ""), "thin_walls");
+    assert_non_null(strstr(json_string(json_member(&item, "message"), ""),
+                           "This matters only if triangles are made from the points alone."));
+    json_free(advice);
+    json_free(warnings);
+}
+
+/* A factor of 0 or NAN without a limit is unknown: the count is a number that a spec accepts. */
+static void an_unknown_factor_gives_a_count(void **state)
+{
+    (void)state;
+    const double unknown[] = {0, (double)NAN, 1};
+    for (int k = 0; k < 3; k++) {
+        const advice_resolution to = advice_resolve(1, 1000, unknown[k], 0);
+        assert_true(to.count == 4000 && to.spacing > 0 && !to.reached);
+    }
+}
+
 /* More points than separate walls of half a voxel are not advised, whatever the distance of the walls. */
 static void a_resolution_is_not_finer_than_the_data(void **state)
 {
@@ -353,8 +394,7 @@ static void a_resolution_is_not_finer_than_the_data(void **state)
                             beyond = advice_resolve(area, 1000000, 0.5, thinnest);
     assert_true(!coarser.of_voxels && coarser.count == 4000);
     assert_true(beyond.reached);
-    char *of_first = advice_warn_of_walls(&s, 0.5, false, first),
-         *of_beyond = advice_warn_of_walls(&s, 0.5, false, beyond);
+    char *of_first = walls_text(&s, first), *of_beyond = walls_text(&s, beyond);
     assert_non_null(strstr(of_first, "walls of half a voxel, the thinnest that the data determine, ask for"));
     assert_non_null(strstr(of_beyond, "which the data do not determine: smooth the input"));
     assert_null(strstr(of_beyond, "ask for"));
@@ -368,9 +408,9 @@ static void a_resolution_beyond_all_counts_is_not_advised_a_region_of_labels(voi
     (void)state;
     const advice_resolution to = {.spacing = 0.001, .count = 2e9};
     spec s = {.surface = {.kind = SPEC_SURFACE_MESH}};
-    char *of_mesh = advice_warn_of_walls(&s, 0.5, true, to);
+    char *of_mesh = walls_text(&s, to);
     s.surface.kind = SPEC_SURFACE_LABELS;
-    char *of_labels = advice_warn_of_walls(&s, 0.5, true, to);
+    char *of_labels = walls_text(&s, to);
     assert_non_null(
         strstr(of_mesh, "maximum of 100000000 points: smooth the input, or sample a region of it."));
     assert_null(strstr(of_labels, "region"));
@@ -609,6 +649,8 @@ int main(void)
         cmocka_unit_test(a_fault_of_the_solve_is_the_only_reason),
         cmocka_unit_test(bounds_of_blue_noise_apply_to_that_pattern_only),
         cmocka_unit_test(a_message_gives_value_and_bound_before_the_advice),
+        cmocka_unit_test(walls_of_a_represented_surface_are_advice),
+        cmocka_unit_test(an_unknown_factor_gives_a_count),
         cmocka_unit_test(a_solve_that_was_stopped_names_the_limit_that_stopped_it),
         cmocka_unit_test(points_that_still_move_do_not_require_more_sweeps),
         cmocka_unit_test(a_resolution_is_not_finer_than_the_data),

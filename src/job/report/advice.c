@@ -20,8 +20,8 @@ static double rounded_up(double value)
 
 advice_resolution advice_resolve(double area, size_t count, double factor, double thinnest)
 {
-    const double by = factor < 1 ? factor : BLIND_FACTOR,
-                 least = clearance_spacing(thinnest) / packing_spacing(area, (double)count);
+    const double least = clearance_spacing(thinnest) / packing_spacing(area, (double)count),
+                 by = factor < 1 && fmax(factor, least) > 0 ? factor : BLIND_FACTOR;
     if (least >= 1)
         return (advice_resolution){packing_spacing(area, (double)count), (double)count, true, true};
     const double applied = fmax(by, least), points = rounded_up((double)count / (applied * applied));
@@ -44,7 +44,16 @@ static const char *other_remedy(const spec *s)
                : "smooth the input, or sample a region of it";
 }
 
-char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to)
+json *advice_append(json *list, const char *code, const char *message)
+{
+    json *item = json_append_object(list);
+    json_put_string(item, "code", code);
+    json_put_string(item, "message", message);
+    return json_put_object(item, "set");
+}
+
+void advice_put_walls(json *advice, json *warnings, const spec *s, double share, bool of_surface,
+                      advice_resolution to)
 {
     char *how =
         to.reached ? mem_printf("They are thinner than half a voxel, which the data do not determine: %s",
@@ -63,16 +72,12 @@ char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_
               "are made from the points alone. %s."
             : "%.3g %% of the points are on walls thinner than 1.2 spacings. %s.",
         100 * share, how);
+    if (of_surface)
+        advice_append(advice, "thin_walls", text);
+    else
+        json_append_string(warnings, text);
     free(how);
-    return text;
-}
-
-json *advice_append(json *list, const char *code, const char *message)
-{
-    json *item = json_append_object(list);
-    json_put_string(item, "code", code);
-    json_put_string(item, "message", message);
-    return json_put_object(item, "set");
+    free(text);
 }
 
 /* The value rounded down to three digits. */

@@ -23,7 +23,8 @@ typedef struct advice_resolution {
 } advice_resolution;
 
 /* The resolution that separates the walls of a surface: `area` in world units squared, `count` points at
- * present, whose spacing has to be multiplied by `factor` <= 1. A factor of 1 means unknown; 1/2 is used.
+ * present, whose spacing has to be multiplied by `factor` <= 1. A factor of 1, and 0 without a limit, mean unknown;
+ * 1/2 is used.
  * `thinnest`: thickness of the thinnest walls to separate (source_thinnest_wall); 0: no limit. */
 advice_resolution advice_resolve(double area, size_t count, double factor, double thinnest);
 
@@ -31,10 +32,12 @@ advice_resolution advice_resolve(double area, size_t count, double factor, doubl
  * measured and the data determine none below `thinnest`. */
 double advice_factor(const clearance *walls, double thinnest);
 
-/* A warning with the share of the surface, or of the points, that is in walls thinner than the spacing, and
- * the resolution that separates them. The share of the surface is for results whose points represent it, and
- * for estimates: the warning says when it matters. The caller frees it. */
-char *advice_warn_of_walls(const spec *s, double share, bool of_surface, advice_resolution to);
+/* Adds the share of the points, or of the surface, that is in walls thinner than the spacing, and the resolution
+ * that separates them. The share of the points is a warning. That of the surface is for results whose points
+ * represent it, and for estimates: it matters only if triangles are made from the points alone, and is advice with
+ * the code `thin_walls`, which sets nothing. */
+void advice_put_walls(json *advice, json *warnings, const spec *s, double share, bool of_surface,
+                      advice_resolution to);
 
 /* Appends an item and returns its object `set`, which `list` owns. */
 json *advice_append(json *list, const char *code, const char *message);

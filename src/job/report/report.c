@@ -93,9 +93,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const double area = facts->scan->area;
     const advice_resolution to =
         advice_resolve(area, count, walls->factor, source_thinnest_wall(facts->source, facts->spec));
-    char *text = advice_warn_of_walls(facts->spec, walls->share, walls->of_surface, to);
-    json_append_string(warnings, text);
-    free(text);
+    advice_put_walls(advice, warnings, facts->spec, walls->share, walls->of_surface, to);
     if (facts->result->outcome != OUTCOME_CONVERGED &&
         (to.reached || to.count > WORTH_ADVICE * (double)count))
         advice_append_resolution(advice, facts->spec, area, to,
@@ -297,6 +295,44 @@ static void put_feature_size(json *grading, const spacing_request_features *f)
     json_put_number(feature, "below_floor", f->floored_share);
 }
 
+/* Fraction of the points from which a spacing that differs from a map is worth a warning. */
+static const double CUT_SHARE = 0.05;
+/* Maximum number of points whose distances from a map are tested. */
+static const size_t MAP_SAMPLES = 10000;
+
+/* The fraction of the points that are farther than their spacing from a map. */
+static double find_far_share(const map *m, const solver_points *p)
+{
+    const size_t every = p->count / MAP_SAMPLES + 1;
+    size_t far = 0, tested = 0;
+    for (size_t i = 0; i < p->count; i += every, tested++)
+        far += !map_is_near(m, p->position[i], p->spacing[i]);
+    return (double)far / (double)fmax((double)tested, 1);
+}
+
+/* How the spacing differs from a map. */
+static void put_map(json *grading, json *warnings, const report_facts *facts, const sizing_field_facts *g)
+{
+    const map *m = facts->source->map;
+    if (!m) return;
+    json_put_number(grading, "cut_share", g->cut_share);
+    json_put_number(grading, "largest_cut", g->largest_cut);
+    const double far = find_far_share(m, solver_result_points(facts->solver));
+    char *of_cuts = mem_printf(
+             "sampling.grid: %.3g %% of the points have a spacing that is more than %.0f %% below "
+             "that of the map, by up to %.3g %%: adjacent spacings differ by at most %.3g of their "
+             "distance. Raise sampling.gradation, or paint a map that varies less.",
+             100 * g->cut_share, 100 * SIZING_FIELD_CUT, 100 * g->largest_cut, facts->spec->gradation),
+         *of_place = mem_printf(
+             "sampling.grid: %.3g %% of the points are farther than a spacing from the map, so that "
+             "it does not determine the spacing there. Check the position and the units of the map.",
+             100 * far);
+    if (g->cut_share > CUT_SHARE) json_append_string(warnings, of_cuts);
+    if (far > SOURCE_FAR_SHARE) json_append_string(warnings, of_place);
+    free(of_cuts);
+    free(of_place);
+}
+
 /* The grading that was used to meet the count. */
 static void put_grading(json *report, const report_facts *facts)
 {
@@ -311,6 +347,7 @@ static void put_grading(json *report, const report_facts *facts)
         if (facts->outputs->has_mesh)
             json_put_number(object, "chord_error_largest", facts->outputs->chord_error);
     }
+    put_map(object, json_find(report, "/surface/warnings"), facts, &g);
     if (facts->spec->has_feature) put_feature_size(object, &g.features);
     double asked = facts->spec->curvature.ratio, reached = g.largest / g.least;
     if (!(asked > 0)) return;
@@ -324,9 +361,13 @@ static void put_grading(json *report, const report_facts *facts)
             ? mem_strdup(
                   "the spacing is smoothed, so that adjacent points differ little. A larger ratio may reach more.")
         : g.permitted_ratio > 1.05
-            ? mem_printf("with the exponent %.3g, the curvature of the surface permits %.3g:1. Try a larger "
-                         "sampling.curvature.exponent, or lower the ratio.",
-                         s->curvature.exponent, g.permitted_ratio)
+            ? mem_printf(
+                  "with the exponent %.3g, the curvature of the surface varies by %.3g:1%s. Try a larger "
+                  "sampling.curvature.exponent, or lower the ratio.",
+                  s->curvature.exponent, g.permitted_ratio,
+                  reached < RATIO_REACHED * g.permitted_ratio
+                      ? ", and the spacing is smoothed, so that adjacent points differ little"
+                      : "")
             : mem_strdup("the surface has the same curvature everywhere, or none. Omit sampling.curvature.");
     char *warning =
         mem_printf("sampling.curvature.ratio: the spacing varies by %.3g:1 (requested %.3g:1): %s%s", reached,
@@ -399,12 +440,21 @@ static void put_diagnostics(json *object, const report_facts *facts)
     json_put_string(object, "isa", isa_name(facts->isa));
 }
 
+/* How the last round was solved: the method of the spec may be solved in another way. */
+static void put_regime(json *report, const solver *s)
+{
+    size_t count;
+    const solver_round *round = solver_rounds(s, &count);
+    json_put_string(report, "regime", count > 0 ? round[count - 1].regime : NULL);
+}
+
 void report_fill(json *report, const report_facts *facts)
 {
     const solver_points *solved = solver_result_points(facts->solver);
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
     outcome_describe(facts->result, report);
+    put_regime(report, facts->solver);
     json_put_integer(report, "count", (int64_t)facts->count);
     json_put_string(report, "up", facts->outputs->y_up ? "y" : "z");
     put_target(report, facts);
