@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/core/file_format.h"
-#include "geometry/space/affine.h"
 #include "job/attributes/base_color.h"
 #include "job/attributes/corners.h"
 #include "job/attributes/dense_attributes.h"
@@ -62,15 +61,6 @@ bool attribute_find(const attribute_request *request, point_attribute_kind *kind
 void attribute_forget(attribute_mesh **last)
 {
     corners_forget(last);
-}
-
-bool attribute_is_far(const attribute_request *request, size_t i, vec3 x, const mesh *m,
-                      const uint32_t corner[3], const double weight[3])
-{
-    vec3 at = {0, 0, 0};
-    for (int k = 0; k < 3; k++) at = vec3_axpy(weight[k], m->vertex[corner[k]], at);
-    at = affine_apply(request->from_file, at.x, at.y, at.z);
-    return vec3_norm(vec3_sub(at, x)) > request->spacing[i];
 }
 
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,

@@ -8,7 +8,6 @@
 #ifndef HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
 #define HEXAD_JOB_ATTRIBUTES_ATTRIBUTE_H
 
-#include "geometry/mesh/mesh.h"
 #include "job/attributes/stencil.h"
 #include "base/core/error.h"
 #include "io/volumes/exr_stack.h"
@@ -51,11 +50,6 @@ typedef struct attribute_counts {
 bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
 
 void attribute_forget(attribute_mesh **last);
-
-/* Whether point i, at x, is farther than its spacing from a place of a mesh of the file: the place with these weights
- * of the vertices `corner`. */
-bool attribute_is_far(const attribute_request *request, size_t i, vec3 x, const mesh *m,
-                      const uint32_t corner[3], const double weight[3]);
 
 /* Computes the values at `count` positions, `components` values each. */
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,

@@ -13,6 +13,7 @@
 #include "geometry/space/affine.h"
 #include "io/images/image_file.h"
 #include "io/meshes/mesh_file.h"
+#include "job/attributes/corners.h"
 #include "job/attributes/texel.h"
 #include "surface/triangles/triangle_tree.h"
 
@@ -349,7 +350,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
         const vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
         const uint32_t nearest = (uint32_t)triangle_tree_find(tree, x, weight);
         locate(t, polygon[nearest], t->m.triangle[nearest], weight, &places[i], values + 4 * i);
-        *far += attribute_is_far(request, i, position[i], &t->m, t->m.triangle[nearest], weight);
+        *far += corners_is_far(request, i, position[i], &t->m, t->m.triangle[nearest], weight);
     }
     const bool ok = tree != NULL;
     triangle_tree_free(tree);

@@ -79,6 +79,15 @@ static void mix(const float *value, int components, const uint32_t corner[3], co
     }
 }
 
+bool corners_is_far(const attribute_request *request, size_t i, vec3 x, const mesh *m,
+                    const uint32_t corner[3], const double weight[3])
+{
+    vec3 at = {0, 0, 0};
+    for (int k = 0; k < 3; k++) at = vec3_axpy(weight[k], m->vertex[corner[k]], at);
+    at = affine_apply(request->from_file, at.x, at.y, at.z);
+    return vec3_norm(vec3_sub(at, x)) > request->spacing[i];
+}
+
 bool corners_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                   attribute_counts *counts, error *e)
 {
@@ -97,7 +106,7 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
         double weight[3], *out = values + (size_t)components * i;
         vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
         const uint32_t *corner = kept->m.triangle[triangle_tree_find(kept->tree, x, weight)];
-        counts->far += attribute_is_far(request, i, position[i], &kept->m, corner, weight);
+        counts->far += corners_is_far(request, i, position[i], &kept->m, corner, weight);
         bool finite = true;
         mix(kept->values.value[which], components, corner, weight, head->kind == MESH_VALUES_WHOLE, out);
         for (int c = 0; c < components; c++) finite &= isfinite(out[c]);
