@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
+
 void mesh_textures_free(mesh_textures *t)
 {
     for (size_t k = 0; t->data && k < t->images; k++) free(t->data[k]);
@@ -20,13 +22,13 @@ void mesh_textures_free(mesh_textures *t)
 double mesh_textures_decode(double encoded)
 {
     const double c = fmin(fmax(encoded, 0), 1);
-    return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
+    return c <= 0.04045 ? c / 12.92 : elementary_pow((c + 0.055) / 1.055, 2.4);
 }
 
 double mesh_textures_encode(double linear)
 {
     const double c = fmin(fmax(linear, 0), 1);
-    return c <= 0.0031308 ? 12.92 * c : 1.055 * pow(c, 1 / 2.4) - 0.055;
+    return c <= 0.0031308 ? 12.92 * c : 1.055 * elementary_pow(c, 1 / 2.4) - 0.055;
 }
 
 mesh_material mesh_textures_white(void)

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "geometry/space/affine.h"
 #include "base/core/number.h"
 #include "base/json/json.h"
@@ -696,7 +697,8 @@ static bool read_texture_transform(gltf *g, json_at at, size_t material, mesh_ma
     static const char wrong[] = "wrong KHR_texture_transform of material";
     double offset[2] = {0, 0}, scale[2] = {1, 1};
     json_at rotation = json_member(&at, "rotation");
-    const double turn = json_number(rotation, rotation.node ? (double)NAN : 0), c = cos(turn), s = sin(turn);
+    const double turn = json_number(rotation, rotation.node ? (double)NAN : 0), c = elementary_cos(turn),
+                 s = elementary_sin(turn);
     if (!isfinite(turn)) return damaged(g, wrong, material);
     if (!read_given(g, json_member(&at, "offset"), offset, 2, wrong, material) ||
         !read_given(g, json_member(&at, "scale"), scale, 2, wrong, material))

@@ -2,6 +2,7 @@
 #include "io/pictures/camera.h"
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "geometry/space/bbox.h"
 
 /* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in total. With a
@@ -20,7 +21,8 @@ static const double END_ON = 2;
 static vec3 turn_about(vec3 v, vec3 axis, double angle)
 {
     vec3 along = vec3_scale(axis, vec3_dot(v, axis)), across = vec3_sub(v, along);
-    return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
+    return vec3_axpy(elementary_sin(angle), vec3_cross(axis, across),
+                     vec3_axpy(elementary_cos(angle), across, along));
 }
 
 /* A pinhole camera centred in a frame that looks against `towards_eye`, rotated about the vertical axis by an
@@ -110,7 +112,8 @@ void camera_orbit(const vec3 *position, size_t count, double radius, camera_fram
 camera camera_look(const camera_place *place, int width, int height)
 {
     camera c = {.origin = place->target, .parallel = place->span > 0};
-    double longer = fmax(width, height), slope = place->fov > 0 ? tan(0.5 * place->fov) : half_slope;
+    double longer = fmax(width, height),
+           slope = place->fov > 0 ? elementary_tan(0.5 * place->fov) : half_slope;
     c.forward = vec3_unit(vec3_sub(place->target, place->position));
     c.right = vec3_unit(vec3_cross(c.forward, place->up));
     c.up = vec3_cross(c.right, c.forward);

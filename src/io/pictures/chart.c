@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 
 /* Layout in font pixels. */
@@ -25,7 +26,7 @@ typedef struct panel {
 
 double chart_tick(double range, int most)
 {
-    double least = range / most, power = pow(10, floor(log10(least)));
+    double least = range / most, power = elementary_pow(10, floor(elementary_log10(least)));
     for (double step = 1; step <= 5; step = step < 2 ? 2 : 5) {
         if (step * power >= least * (1 - 1e-9)) return step * power;
         if (step == 5) break;
@@ -37,7 +38,7 @@ double chart_tick(double range, int most)
 static double value_of(const chart_curve *c, size_t k)
 {
     double value = c->values[k];
-    if (c->decades) value = value > 0 ? log10(value) : NAN;
+    if (c->decades) value = value > 0 ? elementary_log10(value) : NAN;
     return isfinite(value) ? value : NAN;
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 
 /* Minimum range relative to the centre. Noise of the curvature of a volume is about a percent; with this
@@ -51,7 +52,7 @@ void colormap_color(colormap_map map, double t, double srgb[3])
 double colormap_linear(double srgb)
 {
     /* IEC 61966-2-1 */
-    return srgb <= 0.04045 ? srgb / 12.92 : pow((srgb + 0.055) / 1.055, 2.4);
+    return srgb <= 0.04045 ? srgb / 12.92 : elementary_pow((srgb + 0.055) / 1.055, 2.4);
 }
 
 static int compare(const void *a, const void *b)

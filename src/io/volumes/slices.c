@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/volumes/slices.h"
 
-#include <math.h>
+#include "base/core/elementary.h"
 
 bool slices_choose_volume(const slices *s, int64_t *index, error *e)
 {
@@ -21,7 +21,7 @@ bool slices_choose_volume(const slices *s, int64_t *index, error *e)
 void slices_set_voxel_size(slices *s, const double size[3])
 {
     for (int k = 0; k < 3; k++) {
-        double *m = s->index_to_world, length = hypot(hypot(m[k], m[4 + k]), m[8 + k]);
+        double *m = s->index_to_world, length = elementary_hypot(elementary_hypot(m[k], m[4 + k]), m[8 + k]);
         for (int row = 0; row < 3; row++)
             m[4 * row + k] = length > 0 ? m[4 * row + k] * (size[k] / length) : row == k ? size[k] : 0;
     }

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/reader.h"
 
@@ -31,7 +32,7 @@ static bool check_places(const volume_header *h, error *e)
     const double *m = h->index_to_world;
     double shortest = INFINITY, longest = 0;
     for (int k = 0; k < 3; k++) {
-        const double side = hypot(hypot(m[k], m[4 + k]), m[8 + k]);
+        const double side = elementary_hypot(elementary_hypot(m[k], m[4 + k]), m[8 + k]);
         shortest = fmin(shortest, side);
         longest = fmax(longest, side);
     }
@@ -40,7 +41,7 @@ static bool check_places(const volume_header *h, error *e)
             e, ERROR_INPUT_DAMAGED,
             "the sides of its voxels are %g to %g, and a ratio of %g is read: correct its header", shortest,
             longest, largest_ratio);
-    const double away = hypot(hypot(m[3], m[7]), m[11]);
+    const double away = elementary_hypot(elementary_hypot(m[3], m[7]), m[11]);
     return !(away > farthest_origin * shortest && shortest > 0) ||
            error_set(e, ERROR_INPUT_DAMAGED,
                      "its origin is %g away and the sides of its voxels are from %g on: their positions are "

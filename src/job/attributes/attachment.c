@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/orientation.h"
@@ -258,7 +259,7 @@ static float angle_at(const polygon_mesh *p, size_t face, uint32_t k)
     const uint32_t *c = p->polygons.corner + p->polygons.first[face], n = p->polygons.size[face];
     const vec3 at = p->m.vertex[c[k]], a = vec3_sub(p->m.vertex[c[(k + 1) % n]], at),
                b = vec3_sub(p->m.vertex[c[(k + n - 1) % n]], at);
-    return (float)atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
+    return (float)elementary_atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
 /* Joins the polygons at each edge of two. */
@@ -340,7 +341,7 @@ static bool open_frame(const attachment_file *file, size_t memory_limit, frame *
 {
     if (!read_mesh(file, memory_limit, &f->p, e)) return error_prefix(e, "%s", file->path);
     if (!check_topology(file, &f->p, e)) return false;
-    f->least = cos(ATTACHMENT_CREASE);
+    f->least = elementary_cos(ATTACHMENT_CREASE);
     f->normal = mem_array(f->p.polygons.count, sizeof *f->normal, what, e);
     for (size_t k = 0; f->normal && k < f->p.polygons.count; k++) f->normal[k] = polygon_normal(&f->p, k);
     return f->normal && join_vertices(f, e) && list_incidences(f, e);

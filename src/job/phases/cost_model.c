@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "base/core/elementary.h"
 #include "sampling/solver/schedule.h"
 
 /* Fraction of the remaining time that a run may be predicted to take: the number of sweeps varies by a few
@@ -51,14 +52,16 @@ static double power(const cost_model *p)
 {
     if (p->runs < 2 || p->count[0] == p->count[1]) return POWER_FIRST;
     /* if the counts of two runs are close, noise dominates the slope */
-    double apart = fabs(log((double)p->count[0] / (double)p->count[1])), weight = apart / (apart + 1);
-    double slope = log(p->run_s[0] / p->run_s[1]) / log((double)p->count[0] / (double)p->count[1]);
+    double apart = fabs(elementary_log((double)p->count[0] / (double)p->count[1])),
+           weight = apart / (apart + 1);
+    double slope =
+        elementary_log(p->run_s[0] / p->run_s[1]) / elementary_log((double)p->count[0] / (double)p->count[1]);
     return fmin(fmax(POWER_FIRST + weight * (slope - POWER_FIRST), POWER_LOW), POWER_HIGH);
 }
 
 size_t cost_model_next(const cost_model *p, double left_s)
 {
-    double ratio = pow(FILL * left_s / p->run_s[0], 1 / power(p));
+    double ratio = elementary_pow(FILL * left_s / p->run_s[0], 1 / power(p));
     if (!(ratio >= LEAST_GAIN)) return 0;
     if (ratio > LONGEST_STRIDE) ratio = fmin(sqrt(ratio), LONGEST_STRIDE); /* two steps instead of one */
     double count = fmin(floor(ratio * (double)p->count[0]), (double)p->most);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/precision.h"
 #include "job/phases/chord_error.h"
@@ -111,7 +112,7 @@ vec3 output_points_origin(const points *set)
     bbox box = bbox_empty();
     for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
     vec3 middle = vec3_scale(vec3_add(box.min, box.max), 0.5);
-    const double step = bbox_longest(box) > 0 ? exp2(ceil(log2(bbox_longest(box)))) : 0;
+    const double step = bbox_longest(box) > 0 ? elementary_exp2(ceil(elementary_log2(bbox_longest(box)))) : 0;
     for (int k = 0; step > 0 && k < 3; k++) vec3_set(&middle, k, step * round(vec3_get(middle, k) / step));
     return middle;
 }

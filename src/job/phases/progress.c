@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/core/clock.h"
+#include "base/core/elementary.h"
 #include "base/core/terminal_text.h"
 #include "base/json/json.h"
 
@@ -35,7 +36,8 @@ void progress_begin(progress *p, int fd, bool bar, progress_listener listener)
 static double whole_fraction(const progress *p, const progress_numbers *n, int64_t now)
 {
     double spent = clock_seconds(now - p->entered_ms);
-    double inner = p->phase == PROGRESS_RELAX ? fmin(fmax(n->fraction, 0), 1) : 1 - exp(-spent / PACE_S);
+    double inner =
+        p->phase == PROGRESS_RELAX ? fmin(fmax(n->fraction, 0), 1) : 1 - elementary_exp(-spent / PACE_S);
     return fmax(p->fraction, p->entered + (phase_end[p->phase] - p->entered) * inner);
 }
 

@@ -2,11 +2,11 @@
 #include "job/phases/sequence.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "files/late_hash.h"
@@ -268,7 +268,7 @@ void sequence_describe(const sequence *s, double energy_excess, bool is_eased, j
     put_vec3(moved, "center", s->motion.centre);
     put_vec3(moved, "translation", s->motion.translation);
     put_vec3(moved, "rotation", s->motion.rotation);
-    json_put_number(moved, "scale", exp(s->motion.growth));
+    json_put_number(moved, "scale", elementary_exp(s->motion.growth));
     json *drift = json_put_object(object, "drift");
     json_put_number(drift, "median", s->drift_median);
     json_put_number(drift, "p95", s->drift_p95);

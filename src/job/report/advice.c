@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
 #include "job/source/plan.h"
@@ -14,7 +15,7 @@ static const double BLIND_FACTOR = 0.5;
 /* The value rounded up to two digits. */
 static double rounded_up(double value)
 {
-    double unit = pow(10, floor(log10(value)) - 1);
+    double unit = elementary_pow(10, floor(elementary_log10(value)) - 1);
     return ceil(value / unit * (1 - 1e-12)) * unit;
 }
 
@@ -83,7 +84,7 @@ void advice_put_walls(json *advice, json *warnings, const spec *s, double share,
 /* The value rounded down to three digits. */
 static double rounded_down(double value)
 {
-    double unit = pow(10, floor(log10(value)) - 2);
+    double unit = elementary_pow(10, floor(elementary_log10(value)) - 2);
     return floor(value / unit * (1 + 1e-12)) * unit;
 }
 

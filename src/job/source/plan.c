@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "base/core/elementary.h"
 #include "geometry/space/packing.h"
 
 /* Bytes of the process without a job: code, libraries and the first memory of its heap. */
@@ -105,7 +106,7 @@ double plan_fitting(const spec *s, plan_particles of, double bytes)
 /* Rounds to three digits, up or down. */
 static double rounded(double value, bool up)
 {
-    const double unit = pow(10, floor(log10(value)) - 2);
+    const double unit = elementary_pow(10, floor(elementary_log10(value)) - 2);
     return (up ? ceil(value / unit) : floor(value / unit)) * unit;
 }
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "surface/field/patches.h"
@@ -251,7 +252,7 @@ static void include_sphere(vec3 *centre, double *radius, vec3 other, double r)
 static float angle_between(const float axis[3], vec3 n)
 {
     const double c = axis[0] * n.x + axis[1] * n.y + axis[2] * n.z;
-    return (float)acos(fmin(fmax(c, -1), 1)) + 1e-4f; /* plus the rounding error of floats */
+    return (float)elementary_acos(fmin(fmax(c, -1), 1)) + 1e-4f; /* plus the rounding error of floats */
 }
 
 static void set_axis(facets_node *n, vec3 sum)
@@ -805,7 +806,7 @@ static void add_edge(edge_fan *fan, vec3 direction)
 
 static double angle_at(vec3 a, vec3 b)
 {
-    return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
+    return elementary_atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
 /* Adds the angle of one triangle at x, and its two edges there. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 #include "sampling/measures/pair_measures.h"
@@ -156,7 +157,7 @@ static void set_cut(const field *of, vec3 x, vec3 normal, facets_corner *out)
         vec3_set(&d, axis, vec3_get(x, axis) == vec3_get(of->boundary_box.min, axis) ? 1 : -1);
         inwards[count] = vec3_unit(vec3_axpy(-vec3_dot(d, normal), normal, d));
         for (int k = 0; k < count; k++)
-            spread = fmax(spread, acos(fmin(fmax(vec3_dot(inwards[k], inwards[count]), -1), 1)));
+            spread = fmax(spread, elementary_acos(fmin(fmax(vec3_dot(inwards[k], inwards[count]), -1), 1)));
         count++;
     }
     if (count > 0) *out = (facets_corner){.angle = M_PI - spread, .border = true};
@@ -361,7 +362,7 @@ static bool is_graded(const double *requested, size_t count)
 
 static void count_grading(slope *s, double requested, double local)
 {
-    const double x = log(requested), y = log(local);
+    const double x = elementary_log(requested), y = elementary_log(local);
     s->n++;
     s->x += x;
     s->y += y;
@@ -454,7 +455,7 @@ static double disorder_of(const cell_sums *c, double energy_excess, double growt
     if (!(c->straight > 0 && turn > 0)) return energy_excess;
     const double ordered = packing_cell_area(1) * (1 + GROWTH_CELL * growth2) * turn,
                  flat = c->straight * c->straight / c->area.sum,
-                 denser = pow(ordered * n / flat, 0.5 * energy_cotangent.ideal_slope);
+                 denser = elementary_pow(ordered * n / flat, 0.5 * energy_cotangent.ideal_slope);
     return (1 + energy_excess) / (turn * denser * (1 + GROWTH_ENERGY * growth2)) - 1;
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "sampling/measures/coverage_search.h"
 
@@ -206,10 +207,10 @@ typedef struct node_facing {
 
 static node_facing facing_of_node(const facets_node *n)
 {
-    const double limit = acos(SITES_OPPOSITE), wide = n->angle;
+    const double limit = elementary_acos(SITES_OPPOSITE), wide = n->angle;
     return (node_facing){vec3_make(n->axis[0], n->axis[1], n->axis[2]),
-                         limit + wide < M_PI ? cos(limit + wide) : -2,
-                         limit - wide > 0 ? cos(limit - wide) : 2, n->patch};
+                         limit + wide < M_PI ? elementary_cos(limit + wide) : -2,
+                         limit - wide > 0 ? elementary_cos(limit - wide) : 2, n->patch};
 }
 
 static facing facing_at_node(const sites *s, const node_facing *n, uint32_t i)

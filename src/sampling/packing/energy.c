@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/isa.h"
 
 const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
@@ -32,18 +33,18 @@ ISA_CLONES double energy_cotangent_sum(const double *u2, const double *weight, s
 static double cotangent_value(double u)
 {
     double w = u * M_PI_2;
-    return u < 1 ? 1 / tan(w) + w - M_PI_2 : 0;
+    return u < 1 ? 1 / elementary_tan(w) + w - M_PI_2 : 0;
 }
 
 static double cotangent_first(double u)
 {
-    double c = u < 1 ? 1 / tan(u * M_PI_2) : 0;
+    double c = u < 1 ? 1 / elementary_tan(u * M_PI_2) : 0;
     return -M_PI_2 * c * c; /* (7): 1 - 1/sin^2 = -cot^2 */
 }
 
 static double cotangent_second(double u)
 {
-    double c = u < 1 ? 1 / tan(u * M_PI_2) : 0;
+    double c = u < 1 ? 1 / elementary_tan(u * M_PI_2) : 0;
     return M_PI_2 * M_PI_2 * 2 * c * (1 + c * c);
 }
 
@@ -62,7 +63,7 @@ const energy_function energy_cotangent = {
 static double gaussian_value(double u)
 {
     double z = u / GAUSSIAN_DEVIATION;
-    return u < 1 ? exp(-0.5 * z * z) : 0;
+    return u < 1 ? elementary_exp(-0.5 * z * z) : 0;
 }
 
 static double gaussian_first(double u)

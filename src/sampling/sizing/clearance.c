@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 #include "sampling/voronoi/resolution.h"
@@ -133,8 +134,10 @@ static double least_spacing(const field *f, vec3 x, vec3 normal, uint32_t hint, 
         least = fmin(least, spacing_at(f, &b, axis, fmin(reach, RESOLUTION_REACH * least)));
         for (int k = 0; k < TILTED; k++) {
             double angle = 2 * M_PI * k / TILTED;
-            vec3 across = vec3_add(vec3_scale(u, cos(angle)), vec3_scale(v, sin(angle)));
-            vec3 along = vec3_add(vec3_scale(axis, cos(TILT)), vec3_scale(across, sin(TILT)));
+            vec3 across =
+                vec3_add(vec3_scale(u, elementary_cos(angle)), vec3_scale(v, elementary_sin(angle)));
+            vec3 along =
+                vec3_add(vec3_scale(axis, elementary_cos(TILT)), vec3_scale(across, elementary_sin(TILT)));
             /* a wall beyond this distance is separated by a larger spacing */
             const double farthest = fmin(reach, RESOLUTION_REACH * least);
             least = fmin(least, spacing_at(f, &b, along, farthest));

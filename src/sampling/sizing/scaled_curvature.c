@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/sym3.h"
 #include "sampling/packing/pair.h"
@@ -61,8 +62,8 @@ static void add_to_fit(void *context, uint32_t number, double squared)
 {
     fit *f = context;
     const element *m = f->middle, *other = &f->c->elements.element[number];
-    double w =
-        other->area * pair_facing(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
+    double w = other->area * pair_facing(m->normal, other->normal) *
+               elementary_exp(-squared / (f->c->scale * f->c->scale));
     vec3 x = vec3_sub(other->position, m->position), n = vec3_sub(other->normal, m->normal);
     double a = vec3_dot(x, f->u), b = vec3_dot(x, f->v), p = vec3_dot(n, f->u), q = vec3_dot(n, f->v);
     sums *s = &f->sums;
@@ -158,7 +159,7 @@ static void add_to_blend(void *context, uint32_t number, double squared)
 {
     blend *b = context;
     const element *other = &b->c->elements.element[number];
-    double w = other->area * pair_facing(b->normal, other->normal) * exp(-squared * b->over);
+    double w = other->area * pair_facing(b->normal, other->normal) * elementary_exp(-squared * b->over);
     b->weight += w;
     b->kappa1 += w * b->c->kappa1[number];
     b->kappa2 += w * b->c->kappa2[number];

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 #include "geometry/space/block_map.h"
@@ -122,13 +123,13 @@ static bool make_nodes(sizing_field *g, const spacing_request *r, const double *
         }
         n->area += area;
         n->position = vec3_axpy(area, position[k], n->position);
-        n->request += area * log(spacing[k]);
+        n->request += area * elementary_log(spacing[k]);
         if (r->feature) n->cap = fmin(n->cap, spacing_request_cap(&g->params, r->feature[k]));
     }
     for (size_t k = 0; k < g->count; k++) {
         node *n = &g->node[k];
         n->position = vec3_scale(n->position, 1 / n->area);
-        n->request = exp(n->request / n->area);
+        n->request = elementary_exp(n->request / n->area);
         if (g->params.curves) n->away = curve_distance_at(g->params.curves, 0, n->position);
     }
     return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
@@ -303,7 +304,7 @@ static bool find_scale(making *m, double want, double first, double widest)
         else
             high = scale;
         bool bracketed = low > 0 && high < INFINITY;
-        double guess = scale * pow(points / want, bracketed ? 0.5 : 1);
+        double guess = scale * elementary_pow(points / want, bracketed ? 0.5 : 1);
         if (bracketed && (!(guess > low && guess < high) || k % 4 == 3)) guess = sqrt(low * high);
         scale = guess;
     }
@@ -322,7 +323,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
     const double bend = spacing_request_is_at_points(&m->g->params) ? BEND_AT_POINTS : BEND_OVER_DISTANCE;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
+        double sum = 0, weights = 0, spacing = elementary_exp(m->from[k]) / m->g->edge;
         for (int i = 0; i < AROUND; i++) {
             uint32_t other = m->g->beside[k][i];
             if (other == NO_NODE) continue;
@@ -506,9 +507,10 @@ static void smooth_spacing(making *m)
 {
     sizing_field *g = m->g;
     if (spacing_request_is_map(&g->params)) return;
-    for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
+    for (size_t k = 0; k < g->count; k++) m->from[k] = elementary_log(g->node[k].spacing);
     smooth(m);
-    for (size_t k = 0; k < g->count; k++) g->node[k].spacing = fmin(exp(m->from[k]), g->node[k].cap);
+    for (size_t k = 0; k < g->count; k++)
+        g->node[k].spacing = fmin(elementary_exp(m->from[k]), g->node[k].cap);
     limit_growth(m);
 }
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/field/patches.h"
 #include "geometry/space/packing.h"
@@ -132,7 +133,7 @@ static double curvature_over(const spacing_request *r, size_t k, double spacing)
 {
     const double *c = &r->curvature[OCTAVES * k];
     if (!spacing_request_is_implicit(r->params)) return c[0];
-    double at = fmin(fmax(log2(spacing / octave_scale(r->even, 0)), 0), OCTAVES - 1);
+    double at = fmin(fmax(elementary_log2(spacing / octave_scale(r->even, 0)), 0), OCTAVES - 1);
     int low = at < OCTAVES - 1 ? (int)at : OCTAVES - 2;
     return c[low] + (at - low) * (c[low + 1] - c[low]);
 }
@@ -177,7 +178,7 @@ static double value_to_spacing(const sizing_field_params *p, double v, double fi
     case SIZING_FIELD_CHORD:
         return sqrt(8 * p->chord_error / v);
     case SIZING_FIELD_RATIO:
-        return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
+        return fmin(fmax(fine > 0 ? elementary_pow(v / fine, -p->exponent) : 1, 1), p->ratio);
     case SIZING_FIELD_DENSITY:
         return packing_spacing(1, v);
     default:
@@ -200,7 +201,7 @@ static bool find_fine_end(spacing_request *r, const double *value, double *out, 
     double at[3];
     if (!find_quantiles(r->scan, value, 3, share, at, e)) return false;
     *out = at[1];
-    r->widest_ratio = pow(at[2] / at[0], r->params->exponent);
+    r->widest_ratio = elementary_pow(at[2] / at[0], r->params->exponent);
     return true;
 }
 

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/box_tree.h"
 #include "sampling/packing/neighbours.h"
@@ -508,23 +509,23 @@ static bool find_border(const solver *s, const surroundings *a, const vec3 axis[
     int nearest = -1;
     for (int k = 0; k < PROBES; k++) {
         const double angle = 2 * M_PI * k / PROBES, reach_of = PROBE * a->h;
-        const flat v = {reach_of * cos(angle), reach_of * sin(angle)};
+        const flat v = {reach_of * elementary_cos(angle), reach_of * elementary_sin(angle)};
         surface_place to;
         length[k] = INFINITY;
         if (go(s, a->own, vec3_axpy(v.x, axis[0], vec3_scale(axis[1], v.y)), a->h, &to)) continue;
         const vec3 d = vec3_sub(to.position, a->position);
         end[k] = (flat){vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
-        length[k] = hypot(end[k].x, end[k].y);
+        length[k] = elementary_hypot(end[k].x, end[k].y);
         if (nearest < 0 || length[k] < length[nearest]) nearest = k;
     }
     if (nearest < 0) return false;
     const int before = (nearest + PROBES - 1) % PROBES, after = (nearest + 1) % PROBES,
               beside = length[before] < length[after] ? before : after;
     const double angle = 2 * M_PI * nearest / PROBES;
-    out->out = (flat){cos(angle), sin(angle)};
+    out->out = (flat){elementary_cos(angle), elementary_sin(angle)};
     if (length[beside] < INFINITY) {
         const double x = end[beside].y - end[nearest].y, y = end[nearest].x - end[beside].x,
-                     norm = hypot(x, y), side = x * out->out.x + y * out->out.y < 0 ? -1 : 1;
+                     norm = elementary_hypot(x, y), side = x * out->out.x + y * out->out.y < 0 ? -1 : 1;
         if (norm > 0) out->out = (flat){side * x / norm, side * y / norm};
     }
     out->distance = end[nearest].x * out->out.x + end[nearest].y * out->out.y;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/point_tree.h"
 #include "sampling/packing/point_flags.h"
@@ -24,7 +25,8 @@ static void requested_spacing(solver *s, double *spacing)
         return;
     }
     for (size_t i = 0; i < s->state.p->count; i++) {
-        spacing[i] = s->setup.params.graded ? pow(particles_amplitude(s->state.p, i), ALPHA_EXPONENT) : 1;
+        spacing[i] =
+            s->setup.params.graded ? elementary_pow(particles_amplitude(s->state.p, i), ALPHA_EXPONENT) : 1;
         squares += spacing[i] * spacing[i];
     }
     double scale = s->state.spacing / sqrt(squares / (double)s->state.p->count);

@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"
@@ -350,7 +351,8 @@ static bool may_approach_target(const solver *s, double energy, double sigma)
 {
     const double ideal = s->setup.params.energy->ideal;
     return s->state.sigma != sigma &&
-           (!s->state.p->patch || fabs(log(energy / ideal)) < fabs(log(s->state.last_energy / ideal)));
+           (!s->state.p->patch ||
+            fabs(elementary_log(energy / ideal)) < fabs(elementary_log(s->state.last_energy / ideal)));
 }
 
 /* Global control of section 6.1: adapts the support, or the count if the support is bounded. */

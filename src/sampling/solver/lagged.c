@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* lagged: amplitudes, sizes and neighbour lists, which are constant between renewals. See solver_state.h. */
+#include "base/core/elementary.h"
 #include "sampling/packing/energy.h"
 #include "geometry/space/packing.h"
 #include "sampling/solver/solver_state.h"
@@ -9,7 +10,7 @@
 static double amplitude(const solver *s, double kappa)
 {
     double k = fmin(kappa * s->setup.field->extent, s->setup.params.kappa_max);
-    return s->setup.params.gamma + 1 / (pow(k, s->setup.params.d) + s->setup.params.nu);
+    return s->setup.params.gamma + 1 / (elementary_pow(k, s->setup.params.d) + s->setup.params.nu);
 }
 
 bool solver_amplitude_at(const solver *s, const field *f, uint32_t patch, vec3 x, vec3 normal, double *alpha)

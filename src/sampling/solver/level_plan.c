@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/rng.h"
 #include "geometry/space/packing.h"
@@ -127,11 +128,12 @@ static bool assign_parts(level_plan *l, const surface *scan, const double *weigh
 static void plan_from_given(const solver_params *params, level_plan *l)
 {
     const double ratio = (double)params->count / (double)params->given_count,
-                 steps = fmin(fmax(ceil(log(ratio) / log(REFINEMENT) - RATIO_SLACK), 1), LEVEL_PLAN_MAX - 1);
+                 steps = fmin(fmax(ceil(elementary_log(ratio) / elementary_log(REFINEMENT) - RATIO_SLACK), 1),
+                              LEVEL_PLAN_MAX - 1);
     if (params->given_count >= params->count) return;
     l->count = (int)steps + 1;
     for (int k = 0; k < l->count - 1; k++)
-        l->particles[k] = (size_t)round((double)params->given_count * pow(ratio, k / steps));
+        l->particles[k] = (size_t)round((double)params->given_count * elementary_pow(ratio, k / steps));
     l->particles[l->count - 1] = params->count;
 }
 

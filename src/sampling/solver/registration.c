@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/core/compare.h"
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 
 /* Number of points that are used, evenly spaced by index. They determine the seven unknowns to a hundredth
@@ -32,14 +33,15 @@ static vec3 rotate(vec3 rotation, vec3 v)
 {
     double angle = vec3_norm(rotation);
     if (angle == 0) return v;
+    const elementary_sines turn = elementary_sincos(angle);
     vec3 axis = vec3_scale(rotation, 1 / angle);
-    vec3 turned = vec3_add(vec3_scale(v, cos(angle)), vec3_scale(vec3_cross(axis, v), sin(angle)));
-    return vec3_axpy((1 - cos(angle)) * vec3_dot(axis, v), axis, turned);
+    vec3 turned = vec3_add(vec3_scale(v, turn.cos), vec3_scale(vec3_cross(axis, v), turn.sin));
+    return vec3_axpy((1 - turn.cos) * vec3_dot(axis, v), axis, turned);
 }
 
 vec3 registration_apply(const registration *m, vec3 x)
 {
-    vec3 arm = vec3_scale(rotate(m->rotation, vec3_sub(x, m->centre)), exp(m->growth));
+    vec3 arm = vec3_scale(rotate(m->rotation, vec3_sub(x, m->centre)), elementary_exp(m->growth));
     return vec3_add(vec3_add(m->centre, m->translation), arm);
 }
 
@@ -52,11 +54,11 @@ vec3 registration_turn(const registration *m, vec3 n)
  * dw) x r, so that the derivative along n is J^T (r x n). */
 void registration_derive(const registration *m, vec3 x, vec3 along, double out[REGISTRATION_UNKNOWNS])
 {
-    vec3 w = m->rotation, arm = vec3_scale(rotate(w, vec3_sub(x, m->centre)), exp(m->growth));
+    vec3 w = m->rotation, arm = vec3_scale(rotate(w, vec3_sub(x, m->centre)), elementary_exp(m->growth));
     double angle = vec3_norm(w), a = 0.5, b = 1.0 / 6;
     if (angle > ANGLE_SMALL) {
-        a = (1 - cos(angle)) / (angle * angle);
-        b = (angle - sin(angle)) / (angle * angle * angle);
+        a = (1 - elementary_cos(angle)) / (angle * angle);
+        b = (angle - elementary_sin(angle)) / (angle * angle * angle);
     }
     vec3 torque = vec3_cross(arm, along), once = vec3_cross(w, torque);
     torque = vec3_axpy(b, vec3_cross(w, once), vec3_axpy(-a, once, torque));

@@ -4,6 +4,8 @@
 #include <assert.h>
 #include <math.h>
 
+#include "base/core/elementary.h"
+
 /* Estimate of progress. stage_share: typical fraction of the sweeps that a solve by the paper's criterion
  * has used when a stage begins. LEAST_SHARE: minimum of the fraction. EARLY_SWEEPS: typical sweeps of the
  * first two stages of the default method. */
@@ -62,7 +64,7 @@ static bool is_early(const schedule_position *at)
 
 double schedule_gain(const schedule *s, int stage)
 {
-    return s->gain * pow(GAIN_RATIO, SCHEDULE_STAGES - 1 - stage);
+    return s->gain * elementary_pow(GAIN_RATIO, SCHEDULE_STAGES - 1 - stage);
 }
 
 double schedule_coarsest_gain(const schedule *s)
@@ -73,14 +75,14 @@ double schedule_coarsest_gain(const schedule *s)
 /* The rms step over h at which a stage ends; in the last stage the tolerance. */
 static double stage_step(const schedule_position *at, double step_tolerance)
 {
-    return step_tolerance * pow(STEP_RATIO, SCHEDULE_STAGES - 1 - at->stage);
+    return step_tolerance * elementary_pow(STEP_RATIO, SCHEDULE_STAGES - 1 - at->stage);
 }
 
 /* Least sweeps of a level, without the extra sweeps for its defects that schedule_level_sweeps includes. */
 static double plain_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
-    const double sweeps = pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
+    const double sweeps = elementary_pow(s->one_sweep_count / (double)at->count, s->sweeps_fall);
     return fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
 }
 

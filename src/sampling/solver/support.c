@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* support: search for the support for which the particles have the ideal energy (section 6.1,
  * adaptation.h). */
+#include "base/core/elementary.h"
 #include "geometry/space/packing.h"
 #include "sampling/solver/adaptation.h"
 
@@ -26,7 +27,8 @@ static const double MAX_SUPPORT = 3;
 
 double solver_nearer_support(const solver *s, double sigma, double energy)
 {
-    return sigma * pow(energy / s->setup.params.energy->ideal, -1 / s->setup.params.energy->ideal_slope);
+    return sigma *
+           elementary_pow(energy / s->setup.params.energy->ideal, -1 / s->setup.params.energy->ideal_slope);
 }
 
 /* The support for which the particles at their positions have the ideal energy (6.1: a one-dimensional

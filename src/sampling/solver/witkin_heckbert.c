@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sampling/solver/witkin_heckbert.h"
 
-#include <math.h>
+#include "base/core/elementary.h"
 
 static double gaussian(const witkin_heckbert_params *params, double r2, double sigma)
 {
     double z2 = r2 / (sigma * sigma);
-    return z2 < WITKIN_HECKBERT_REACH * WITKIN_HECKBERT_REACH ? params->alpha * exp(-0.5 * z2) : 0;
+    return z2 < WITKIN_HECKBERT_REACH * WITKIN_HECKBERT_REACH ? params->alpha * elementary_exp(-0.5 * z2) : 0;
 }
 
 void witkin_heckbert_sum(const witkin_heckbert_params *params, const vec3 *x, const double *sigma, size_t i,
@@ -48,7 +48,7 @@ static double lattice_sum(double u)
     const int most = (int)WITKIN_HECKBERT_REACH;
     double sum = -1; /* without the particle itself */
     for (int a = -most; a <= most; a++)
-        for (int b = -most; b <= most; b++) sum += exp(-0.5 * (a * a + a * b + b * b) * u * u);
+        for (int b = -most; b <= most; b++) sum += elementary_exp(-0.5 * (a * a + a * b + b * b) * u * u);
     return sum;
 }
 

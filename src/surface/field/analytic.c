@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 
@@ -112,18 +113,19 @@ ISA_INLINE bool sample_quartic(const analytic_params *p, vec3 d, field_order ord
 ISA_INLINE bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double k = 2 * M_PI / p->period;
-    double sx = sin(k * d.x), cx = cos(k * d.x), sy = sin(k * d.y), cy = cos(k * d.y), sz = sin(k * d.z),
-           cz = cos(k * d.z);
-    out->value = sx * cy + sy * cz + sz * cx;
-    out->gradient = (vec3){k * (cx * cy - sz * sx), k * (cy * cz - sx * sy), k * (cz * cx - sy * sz)};
+    const elementary_sines x = elementary_sincos(k * d.x), y = elementary_sincos(k * d.y),
+                           z = elementary_sincos(k * d.z);
+    out->value = x.sin * y.cos + y.sin * z.cos + z.sin * x.cos;
+    out->gradient = (vec3){k * (x.cos * y.cos - z.sin * x.sin), k * (y.cos * z.cos - x.sin * y.sin),
+                           k * (z.cos * x.cos - y.sin * z.sin)};
     if (order == FIELD_HESSIAN) {
         double kk = k * k;
-        out->hessian = (sym3){-kk * (sx * cy + sz * cx),
-                              -kk * (sy * cz + sx * cy),
-                              -kk * (sz * cx + sy * cz),
-                              -kk * cx * sy,
-                              -kk * cz * sx,
-                              -kk * cy * sz};
+        out->hessian = (sym3){-kk * (x.sin * y.cos + z.sin * x.cos),
+                              -kk * (y.sin * z.cos + x.sin * y.cos),
+                              -kk * (z.sin * x.cos + y.sin * z.cos),
+                              -kk * x.cos * y.sin,
+                              -kk * z.cos * x.sin,
+                              -kk * y.cos * z.sin};
     }
     return true;
 }

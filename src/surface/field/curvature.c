@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* curvature: principal curvatures from the first and second derivatives of a field (field.h). */
+#include "base/core/elementary.h"
 #include "surface/field/field.h"
 
 double field_curvature(const field_sample *s, double *kappa1, double *kappa2)
@@ -26,8 +27,9 @@ vec3 field_principal_direction(const field_sample *s, bool larger)
     vec3_frame(n, &u, &v);
     vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
     double a = vec3_dot(u, hu), b = vec3_dot(u, hv), c = vec3_dot(v, hv);
-    double turn = 0.5 * atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2);
-    vec3 d = vec3_add(vec3_scale(u, cos(turn)), vec3_scale(v, sin(turn)));
+    const elementary_sines turn =
+        elementary_sincos(0.5 * elementary_atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2));
+    vec3 d = vec3_add(vec3_scale(u, turn.cos), vec3_scale(v, turn.sin));
     for (int axis = 0; axis < 3; axis++) {
         double component = vec3_get(d, axis);
         if (fabs(component) > zero) return component < 0 ? vec3_scale(d, -1) : d;

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 
@@ -112,7 +113,7 @@ placement *placement_new_view(const field *part, const double matrix[16])
     p->base.ops = &placement_ops;
     p->part = part;
     for (int k = 0; k < 12; k++) p->to_world[k / 4][k % 4] = matrix[k];
-    p->scale = cbrt(fabs(affine_invert(p->to_world, p->to_part)));
+    p->scale = elementary_cbrt(fabs(affine_invert(p->to_world, p->to_part)));
     measure(p);
     field_set_boundary(&p->base, 0);
     return p;

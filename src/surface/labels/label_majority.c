@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/labels/label_weights.h"
 
@@ -287,9 +288,9 @@ static bool make_weights(filtering *f, double width, error *e)
         f->reach[k] = (int)ceil(REACH * own);
         if (!(f->weight[k] = mem_array((size_t)(2 * f->reach[k] + 1), sizeof *f->weight[k], what, e)))
             return false;
-        for (int j = -f->reach[k]; j <= f->reach[k]; j++) sum += exp(-0.5 * j * j / (own * own));
+        for (int j = -f->reach[k]; j <= f->reach[k]; j++) sum += elementary_exp(-0.5 * j * j / (own * own));
         for (int j = -f->reach[k]; j <= f->reach[k]; j++)
-            f->weight[k][j + f->reach[k]] = (float)(exp(-0.5 * j * j / (own * own)) / sum);
+            f->weight[k][j + f->reach[k]] = (float)(elementary_exp(-0.5 * j * j / (own * own)) / sum);
     }
     return true;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/labels/label_graph.h"
 #include "surface/labels/label_lines.h"
@@ -56,8 +57,8 @@ static int make_terms(double length, double term[MOST_TERMS])
     for (int n = 0; n < MOST_TERMS; n++) {
         term[n] = 0;
         for (int j = 0; j < NODES; j++) {
-            const double angle = M_PI * (j + 0.5) / NODES, k = (1 - cos(angle)) / c;
-            term[n] += (n == 0 ? 1.0 : 2.0) / NODES * exp(-k * k) * cos(n * angle);
+            const double angle = M_PI * (j + 0.5) / NODES, k = (1 - elementary_cos(angle)) / c;
+            term[n] += (n == 0 ? 1.0 : 2.0) / NODES * elementary_exp(-k * k) * elementary_cos(n * angle);
         }
         if (fabs(term[n]) > least_term) count = n + 1;
     }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/labels/label_majority.h"
 #include "surface/labels/label_mesh.h"
@@ -262,7 +263,7 @@ bool label_surface_is_ragged(const label_surface *s, double radius)
 {
     double side[3];
     const double least = label_volume_sides(&s->labels, side),
-                 unit = side[0] * side[1] * side[2] / pow(least, 3);
+                 unit = side[0] * side[1] * side[2] / (least * least * least);
     const label_material *largest = s->labels.material;
     size_t ragged = 0, all = 0;
     for (size_t k = 1; k < s->labels.count; k++)
@@ -271,8 +272,8 @@ bool label_surface_is_ragged(const label_surface *s, double radius)
         const label_material *m = &s->labels.material[k];
         if (m == largest || m->background || m->voxels == 0 || label_thinness_is_thin(m)) continue;
         /* radius of the ball, in voxels */
-        const double own = cbrt(3 / (4 * M_PI) * (double)m->voxels);
-        ragged += (double)m->thin > RAGGED * 4 * M_PI * own * own && own * cbrt(unit) >= radius;
+        const double own = elementary_cbrt(3 / (4 * M_PI) * (double)m->voxels);
+        ragged += (double)m->thin > RAGGED * 4 * M_PI * own * own && own * elementary_cbrt(unit) >= radius;
         all++;
     }
     return 2 * ragged > all;

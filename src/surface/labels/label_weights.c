@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 
 static const char what[] = "the weights of the labels";
@@ -91,7 +92,7 @@ static bool change_weights(const finding *f, const label_wish *wish)
         c->limit = c->lacked == -lacked ? less * c->limit : fmin(more * c->limit, first_limit);
         c->lacked = lacked;
         const double step = slope > 0 ? part_of_step * lacks / slope : lacks,
-                     next = (double)f->weight[k] * exp(fmin(fmax(step, -c->limit), c->limit));
+                     next = (double)f->weight[k] * elementary_exp(fmin(fmax(step, -c->limit), c->limit));
         const float changed = (float)fmin(fmax(next, 1 / most), most);
         all &= changed == f->weight[k];
         f->weight[k] = changed;

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "surface/remesh/geodesic_cells.h"
@@ -201,7 +202,7 @@ static bool list_sides(const surface_mesh_input *in, flipping *f, error *e)
 static double angle_at(vec3 p, vec3 a, vec3 b)
 {
     const vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
-    return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
+    return elementary_atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
 }
 
 static vec3 facing_of(vec3 a, vec3 b, vec3 c)

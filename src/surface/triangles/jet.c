@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/isa.h"
 
 /* The number of columns of degree 2 and less: 1, u, v, u^2, u v, v^2. */
@@ -148,9 +149,10 @@ static void least_known(const jet_lanes *j, int lane, double direction[2])
     }
     const double uu = x[UU] / j->norm[UU][lane], uv = x[UV] / j->norm[UV][lane],
                  vv = x[VV] / j->norm[VV][lane];
-    const double turn = 0.5 * (atan2(uv, uu - vv) + (uu + vv < 0 ? M_PI : 0));
-    direction[0] = cos(turn);
-    direction[1] = sin(turn);
+    const elementary_sines turn =
+        elementary_sincos(0.5 * (elementary_atan2(uv, uu - vv) + (uu + vv < 0 ? M_PI : 0)));
+    direction[0] = turn.cos;
+    direction[1] = turn.sin;
 }
 
 /* One system, whose dependent columns are left out. */

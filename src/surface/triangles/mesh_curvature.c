@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/triangles/jet.h"
 #include "surface/triangles/mesh_facets.h"
@@ -569,7 +570,8 @@ mesh_curvature_feature mesh_curvature_feature_at(const mesh_curvature *c, uint32
     for (int step = 0; step < SECTOR_MOST && sector_next(s, &last); step++) {
     }
     const vec3 in = vec3_sub(at, s->m->vertex[first.far]), out = vec3_sub(s->m->vertex[last.far], at);
-    if (atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out)) > CREASE_BEND) return MESH_CURVATURE_CORNER;
+    if (elementary_atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out)) > CREASE_BEND)
+        return MESH_CURVATURE_CORNER;
     *along = vec3_add(in, out);
     return MESH_CURVATURE_CREASE;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
@@ -134,7 +135,7 @@ static double angle_at(const making *k, const mesh_side *s)
     const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
     if (!has_normal(a) || !has_normal(b)) return 0;
     const vec3 turned = vec3_scale(b, s[0].upwards == s[1].upwards ? -1 : 1);
-    return atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
+    return elementary_atan2(vec3_norm(vec3_cross(a, turned)), vec3_dot(a, turned));
 }
 
 /* Length of the edges with dihedral angles near MESH_PATCHES_ANGLE, and above. CAD models have few edges near
@@ -271,7 +272,7 @@ static void list_bent(const making *k, feature_groups *g)
 static double bend_at_vertex(const mesh *m, uint32_t from, uint32_t v, uint32_t to)
 {
     const vec3 in = vec3_sub(m->vertex[v], m->vertex[from]), out = vec3_sub(m->vertex[to], m->vertex[v]);
-    return atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
+    return elementary_atan2(vec3_norm(vec3_cross(in, out)), vec3_dot(in, out));
 }
 
 static uint32_t end_beyond(const bent_edge *b, uint32_t v)
@@ -438,7 +439,7 @@ static bool list_cuts(making *k, error *e)
             const mesh_side *s = k->edges->sides + i;
             for (size_t side = 0; side < n; side++) k->patches[used + side] = k->patch[s[side].triangle];
             qsort(k->patches + used, n, sizeof *k->patches, by_number);
-            k->cuts[count++] = (cut){v, s->other, used, n, n == 2 ? cos(angle_at(k, s)) : 0};
+            k->cuts[count++] = (cut){v, s->other, used, n, n == 2 ? elementary_cos(angle_at(k, s)) : 0};
             used += n;
             k->at[v + 2]++;
             k->at[s->other + 2]++;

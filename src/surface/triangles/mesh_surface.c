@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 #include "geometry/space/smooth_triangle.h"
@@ -154,7 +155,7 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
     const uint32_t *t = s->mesh.m.triangle[n];
     const vec3 *v = s->mesh.m.vertex, a = vec3_sub(v[t[(k + 1) % 3]], v[t[k]]),
                b = vec3_sub(v[t[(k + 2) % 3]], v[t[k]]);
-    return atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
+    return elementary_atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
 /* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/rounding.h"
@@ -133,7 +134,7 @@ bool smooth_sides_make(const mesh *m, const uint32_t (*beside)[3], double crease
     const rounding r = rounding_of(m, pool);
     const bbox box = mesh_box(m, pool);
     const marking job = {out, rounding_reach(&r, (const vec3[]){box.min, box.max, box.max}),
-                         isfinite(crease) ? tan(crease) : INFINITY};
+                         isfinite(crease) ? elementary_tan(crease) : INFINITY};
     threads_run(pool, m->triangle_count, GRAIN, mark_chunk, (void *)&job);
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }

@@ -6,6 +6,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/vec3.h"
 #include "io/vdb/vdb.h"
@@ -25,7 +26,8 @@ enum { HALF_XY = 62, HALF_Z = 29, SIDE_XY = 2 * HALF_XY + 1, SIDE_Z = 2 * HALF_Z
 static vec3 knot(int k)
 {
     double t = 2 * M_PI * k / CHORDS;
-    return (vec3){(sin(t) + 2 * sin(2 * t)) / 3, (cos(t) - 2 * cos(2 * t)) / 3, -sin(3 * t) / 3};
+    return (vec3){(elementary_sin(t) + 2 * elementary_sin(2 * t)) / 3,
+                  (elementary_cos(t) - 2 * elementary_cos(2 * t)) / 3, -elementary_sin(3 * t) / 3};
 }
 
 static size_t offset_of(int x, int y, int z)

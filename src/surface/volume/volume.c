@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "geometry/space/affine.h"
 #include "surface/levelset/levelset.h"
@@ -176,7 +177,7 @@ static void set_transform(volume *v, const double m[16])
             v->cell_radius = fmax(v->cell_radius, 0.5 * vec3_norm(across));
         }
     }
-    v->info.voxel_size = cbrt(fabs(determinant));
+    v->info.voxel_size = elementary_cbrt(fabs(determinant));
 }
 
 static bool no_crossing(const loading *l, const volume *v, error *e)

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
 
@@ -63,7 +64,7 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
         }
         if (bias != POPULATION_RANDOM && deviation > 0)
             z = fmin(fmax(sign * (density(p, i) - mean) / deviation, -MAX_DEVIATIONS), MAX_DEVIATIONS);
-        draws[i] = (draw){-log1p(-rng_uniform(r)) * exp(-BIAS * z), (uint32_t)i};
+        draws[i] = (draw){-elementary_log1p(-rng_uniform(r)) * elementary_exp(-BIAS * z), (uint32_t)i};
     }
     qsort(draws, n, sizeof *draws, compare_draws);
     for (size_t i = 0; i < k; i++) chosen[i] = draws[i].particle;
@@ -80,7 +81,8 @@ bool population_split(const field *all, particles *p, size_t i, double offset, r
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < SPLIT_DIRECTIONS; k++) {
         double turn = 2 * M_PI * rng_uniform(r);
-        vec3 step = vec3_axpy(offset * cos(turn), axis1, vec3_scale(axis2, offset * sin(turn)));
+        vec3 step =
+            vec3_axpy(offset * elementary_cos(turn), axis1, vec3_scale(axis2, offset * elementary_sin(turn)));
         vec3 a = vec3_add(x, step), b = vec3_sub(x, step), normal_a, normal_b;
         if (!projection_find(f, &limits, &a, &normal_a) || !projection_find(f, &limits, &b, &normal_b) ||
             vec3_norm(vec3_sub(a, x)) > SPLIT_MAX_DISTANCE * offset ||

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* relax_damped: guarded steps of single particles in double precision, by Levenberg-Marquardt or steepest
  * descent (relax_internal.h). */
+#include "base/core/elementary.h"
 #include "sampling/solver/passes/relax_internal.h"
 
 #include <math.h>
@@ -158,7 +159,7 @@ static void descend_damped(const sweep_job *job, const step_input *a, const pair
     particles *p = job->p;
     double lambda = p->lambda[i] >= (float)RELAX_LAMBDA_CAP ? 0 : (double)p->lambda[i];
     for (bool first = true;; first = false) {
-        double s1, s2, expected = relax_damped_step(f, pow(10, lambda), &s1, &s2);
+        double s1, s2, expected = relax_damped_step(f, elementary_pow(10, lambda), &s1, &s2);
         if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = (float)RELAX_LAMBDA_CAP;
             if (!first) project_exactly(a, &p->position[i], &p->normal[i]);

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "sampling/packing/neighbours.h"
 #include "geometry/space/packing.h"
@@ -488,7 +489,7 @@ static void scale_amplitudes(const repair *m)
     particles *p = m->s->state.p;
     for (size_t i = 0; i < p->count; i++) {
         const double ratio = m->local[i] / m->mean;
-        if (fabs(ratio - 1) < MAX_DEVIATION) p->alpha[i] *= pow(ratio, -AREA_EXPONENT);
+        if (fabs(ratio - 1) < MAX_DEVIATION) p->alpha[i] *= elementary_pow(ratio, -AREA_EXPONENT);
     }
 }
 
@@ -515,7 +516,7 @@ static bool was_ordered(const solver *s)
 bool solver_repair_defects(solver *s, bool *changed, error *e)
 {
     const double base = s->state.p->patch ? PASSES_ON_PATCHES : PASSES,
-                 more = fmax(1, pow(s->state.defect_fraction / PASSES_SHARE, 2)),
+                 share = s->state.defect_fraction / PASSES_SHARE, more = fmax(1, share * share),
                  passes =
                      floor(fmin(base * more, MAX_PASSES) * fmin(1, PASSES_COUNT / (double)s->state.p->count));
     repair m;

@@ -4,6 +4,7 @@
 #include <assert.h>
 #include <math.h>
 
+#include "base/core/elementary.h"
 #include "surface/field/projection.h"
 #include "sampling/packing/energy.h"
 #include "sampling/packing/neighbours.h"
@@ -185,7 +186,7 @@ static vec3 random_tangent(vec3 normal, rng *r)
     vec3 u, v;
     double angle = 2 * M_PI * rng_uniform(r);
     vec3_frame(normal, &u, &v);
-    return vec3_axpy(cos(angle), u, vec3_scale(v, sin(angle)));
+    return vec3_axpy(elementary_cos(angle), u, vec3_scale(v, elementary_sin(angle)));
 }
 
 static void copy_member(repair_region *p, uint32_t to, uint32_t from)

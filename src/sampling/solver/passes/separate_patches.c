@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "geometry/space/cell_list.h"
@@ -102,8 +103,8 @@ static bool move_away(const separation *job, size_t i)
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < DIRECTIONS; k++) {
         const double angle = 2 * M_PI * k / DIRECTIONS;
-        vec3 x = vec3_axpy(DISPLACEMENT * h * cos(angle), axis1,
-                           vec3_axpy(DISPLACEMENT * h * sin(angle), axis2, from)),
+        vec3 x = vec3_axpy(DISPLACEMENT * h * elementary_cos(angle), axis1,
+                           vec3_axpy(DISPLACEMENT * h * elementary_sin(angle), axis2, from)),
              normal = p->normal[i];
         uint32_t hint = p->hint[i];
         if (!solver_project_point(f, h, DISPLACEMENT * h, &hint, &x, &normal) ||
