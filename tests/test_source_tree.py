@@ -303,9 +303,25 @@ def unpackaged_paths(root):
             for folder in re.findall(r"/usr/share/hexad/(\w+)", (root / name).read_text()) if folder not in packaged]
 
 
+# Functions of the C library whose last bits depend on the processor, and the folders whose objects may call them.
+INEXACT = r"(?:a?(?:sin|cos|tan)h?|atan2|sincos|exp(?:2|10|m1)?|log(?:2|10|1p)?|pow|hypot|cbrt|erfc?|[lt]gamma|[jy][01n])[fl]?"
+INEXACT_OBJECTS = {"src/io/vdb": "templates of OpenVDB: rotations, which hexad does not call, and a comparison of scales within a tolerance"}
+
+
+def inexact_calls(root):
+    """Calls in src of functions with other results on other processors."""
+    faults = []
+    for name in code_of(root, ("src",)):
+        text = re.sub(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"', lambda found: re.sub(r"[^\n]", " ", found[0]), (root / name).read_text(),
+                      flags=re.S)
+        faults += [f"{name}:{text.count(chr(10), 0, found.start()) + 1}: {found[1]} depends on the processor: use base/core/elementary"
+                   for found in re.finditer(rf"(?<![\w.>])({INEXACT})\s*\(", text)]
+    return faults
+
+
 CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_links, lost_paths, lost_targets, undescribed_files,
           unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
-          lost_recipes, unlicensed, unpackaged_paths]
+          lost_recipes, unlicensed, unpackaged_paths, inexact_calls]
 
 
 @pytest.mark.parametrize(
@@ -321,6 +337,19 @@ def test_the_tree(source, check):
 @pytest.mark.parametrize("name", [*PRINTERS, *PLAIN_PRINTERS, ROUTES])
 def test_a_file_that_a_check_names_is_in_the_tree(source, name):
     assert (source / name).exists()
+
+
+def test_objects_call_exact_functions_of_the_c_library(build):
+    """Also what the compiler and the templates of other projects call."""
+    objects = [path for path in sorted((build / "src").rglob("*.o")) if str(path.parent.relative_to(build)) not in INEXACT_OBJECTS]
+    done = subprocess.run(["nm", "-A", "-u", *objects], capture_output=True, text=True)
+    assert done.returncode == 0 and len(objects) > 100, done.stderr
+    assert not [line for line in done.stdout.splitlines() if re.fullmatch(rf".* U {INEXACT}(?:@.*)?", line)]
+
+
+@pytest.mark.parametrize("variable", ["AM_CFLAGS", "AM_CXXFLAGS"])
+def test_compilers_fuse_no_operations(source, variable):
+    assert re.search(rf"(?m)^{variable} = .*-ffp-contract=off\b", (source / "Makefile.am").read_text())
 
 
 # ---- what each check would catch
@@ -397,6 +426,10 @@ FAULTS = [
     (unnamed_tests, "tests/service/test_new.py", "", "tests/README.md does not name test_new.py"),
     (unnamed_tests, "tests/README.md", "`clock.h` and `gone.py`\n", "tests/README.md names gone.py"),
     (unpackaged_paths, "share/new.py", "# PYTHONPATH=/usr/share/hexad/python\n", "share/new.py: no package has /usr/share/hexad/python"),
+    (inexact_calls, "src/base/new.c", "/* new: sin(x). */\ndouble cube(double x)\n{\n    return x > 0 ? pow(x, 3) : floor(x);\n}\n",
+     "src/base/new.c:4: pow depends on the processor"),
+    (inexact_calls, "src/base/new.cc", "// SPDX-License-Identifier: Apache-2.0\nfloat f(float x)\n{\n    return std::expf(x);\n}\n",
+     "src/base/new.cc:4: expf depends on the processor"),
     (lost_recipes, "CONTRIBUTING.md", "\n## Recipes\n\n`gone.h`\n", "CONTRIBUTING.md: a recipe names gone.h"),
 ]
 

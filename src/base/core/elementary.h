@@ -4,11 +4,14 @@
  *
  * Largest errors that the test measures, in units in the last place; the bound is 3:
  *
- *   exp, exp2, pow, cbrt, log, log2, log10, log1p   0.6
- *   sin, cos                                        0.7
- *   hypot                                           1.1
- *   tan, atan, atan2, tanh                          1.8
- *   acos                                            2.3
+ *   log2, log10           0.5
+ *   pow, cbrt             0.7
+ *   sin, cos              0.9
+ *   exp, exp2, log        1.0
+ *   hypot                 1.2
+ *   log1p                 1.5
+ *   atan, atan2           1.9
+ *   tan, tanh, acos       2.5
  *
  * Results that are doubles are exact: powers of integers, logarithms of powers of 2 and 10, cube roots of cubes.
  * Zeros, infinities and NaN are treated as C11, annex F, describes.
