@@ -222,9 +222,10 @@ ISA_INLINE reduced_exponent reduce_exponent(double_double x)
     return (reduced_exponent){exact_sum(rest.high, low), shifted_integer(shifted)};
 }
 
-/* value 2^n, where 2^n itself may be out of range */
+/* value 2^n for a value from 1/2 to 2; the result may be subnormal or infinite. */
 ISA_INLINE double scale_by_power(double value, int64_t n)
 {
+    if (n >= -1021 && n <= 1022) return of_bits(bits_of(value) + ((uint64_t)n << 52));
     return value * power_of_two(n >> 1) * power_of_two(n - (n >> 1));
 }
 

@@ -159,7 +159,7 @@ static void descend_damped(const sweep_job *job, const step_input *a, const pair
     particles *p = job->p;
     double lambda = p->lambda[i] >= (float)RELAX_LAMBDA_CAP ? 0 : (double)p->lambda[i];
     for (bool first = true;; first = false) {
-        double s1, s2, expected = relax_damped_step(f, elementary_pow(10, lambda), &s1, &s2);
+        double s1, s2, expected = relax_damped_step(f, elementary_exp(M_LN10 * lambda), &s1, &s2);
         if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = (float)RELAX_LAMBDA_CAP;
             if (!first) project_exactly(a, &p->position[i], &p->normal[i]);

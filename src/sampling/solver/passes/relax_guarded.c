@@ -122,7 +122,7 @@ static void evaluate_energies(const sweep_job *job, const trial *t, float energy
 static void begin_trial(const sweep_job *job, const uint32_t *items, double gain, trial *t, block_sums *sums)
 {
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++)
-        t->own.damping[l] = t->pending[l] ? (float)elementary_pow(10, t->lambda[l]) : 0;
+        t->own.damping[l] = t->pending[l] ? (float)elementary_exp(M_LN10 * t->lambda[l]) : 0;
     job->r->fast->tangent_step(&t->own, &t->forces, &t->params, &t->step);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         if (!t->pending[l]) continue;
