@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "base/core/elementary.h"
+
 /* Quadrature of Gauss and Legendre on 0 .. 1, exact to degree 7. */
 enum { GAUSS = 4 };
 static const double gauss_place[GAUSS] = {0.069431844202973712, 0.33000947820757187, 0.66999052179242813,
@@ -27,22 +29,6 @@ void triangle_moments_monomials(const double corner[3][2], int degree, double *o
     }
 }
 
-/* The natural logarithm of a positive number, by the four operations only: the C library computes it by other
- * operations on other processors. The series converges by a factor of 0.03 for each term. */
-static double logarithm(double of)
-{
-    static const double ln2 = 0.69314718055994531;
-    int exponent;
-    double m = frexp(of, &exponent), sum = 0;
-    if (m < M_SQRT1_2) {
-        m *= 2;
-        exponent--;
-    }
-    const double z = (m - 1) / (m + 1), z2 = z * z;
-    for (int k = 21; k >= 1; k -= 2) sum = sum * z2 + 1.0 / k;
-    return 2 * z * sum + exponent * ln2;
-}
-
 /* The part of the antiderivative of (a^2 + b^2)^(7/2) over b that is algebraic, times 384; r^2 = a^2 + b^2. */
 static double algebraic(double a2, double b, double r)
 {
@@ -54,8 +40,8 @@ static double algebraic(double a2, double b, double r)
 static double arsinh_difference(double a2, double b, double r, double d, double s)
 {
     const double far = fabs(d) + s, near = fabs(b) + r;
-    if (b < 0 && d > 0) return logarithm(far * near / a2);
-    return b < 0 ? logarithm(near / far) : logarithm(far / near);
+    if (b < 0 && d > 0) return elementary_log(far * near / a2);
+    return b < 0 ? elementary_log(near / far) : elementary_log(far / near);
 }
 
 double triangle_moments_distance7(const double corner[3][2], double x, double y)
