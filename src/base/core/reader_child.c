@@ -38,7 +38,7 @@ static void set_limit(int which, rlim_t soft, rlim_t hard)
 /* Time, in ms, from the end of the output to the end of the process. One that is about to end does so by itself,
  * with the checks of sanitizers. */
 #ifdef __SANITIZE_ADDRESS__
-#define LAST_MS 5000
+#define LAST_MS 1000
 #else
 #define LAST_MS 50
 #endif
