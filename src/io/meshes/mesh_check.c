@@ -25,12 +25,6 @@ bool mesh_check_counts(uint64_t vertices, uint64_t triangles, uint64_t others, s
                      ((needed - limit) >> 20) + 1);
 }
 
-bool mesh_check_is_usable(vec3 v)
-{
-    return fabs(v.x) <= MESH_CHECK_LARGEST && fabs(v.y) <= MESH_CHECK_LARGEST &&
-           fabs(v.z) <= MESH_CHECK_LARGEST;
-}
-
 bool mesh_check_vertices(mesh *m, size_t *unused, error *e)
 {
     *unused = 0;

@@ -4,6 +4,7 @@
 #ifndef HEXAD_IO_MESHES_MESH_CHECK_H
 #define HEXAD_IO_MESHES_MESH_CHECK_H
 
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -14,7 +15,11 @@
 #define MESH_CHECK_LARGEST 1e30
 
 /* Whether the coordinates are finite and not too large. */
-bool mesh_check_is_usable(vec3 v);
+static inline bool mesh_check_is_usable(vec3 v)
+{
+    return fabs(v.x) <= MESH_CHECK_LARGEST && fabs(v.y) <= MESH_CHECK_LARGEST &&
+           fabs(v.z) <= MESH_CHECK_LARGEST;
+}
 
 /* `others`: points and lines, for the message. Errors: no_surface (there is no triangle), input_unsupported,
  * limit_memory. */
