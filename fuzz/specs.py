@@ -47,7 +47,7 @@ ERRORS = {2, 3, 4, 5, 7}
 MEMORY_MORE = 1.15
 FILE_MOST = 40e6
 # members that a worker on its own does not read, or that name places
-LEFT_OUT = {"queue", "name", "directory", "limits", "time_s", "timeout_s"}
+LEFT_OUT = {"queue", "name", "directory", "limits", "timeout_s"}
 # how often a member is there that need not be
 OFTEN = {"sampling": 1, "solver": 0.8, "output": 0.6, "preview": 0.3, "mesh": 0.3, "region": 0.12, "attributes": 0.05,
          "isovalue": 0.6, "threads": 0}

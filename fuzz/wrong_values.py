@@ -19,7 +19,7 @@ RIGHT = object()  # beside a wrong value: one that the schema allows
 OFTEN = {"queue": 0.5, "frames": 0.6, "by_frame": 0.15, "output": 0.5, "preview": 0.5, "camera": 0.4, "attributes": 0.2,
          "region": 0.15, "inside": 0.5, "solver": 0.3, "limits": 0.1, "slices": 0.3,
          # what most specs refuse, so that many begin as correct ones
-         **dict.fromkeys(("attach", "time_s", "min_spacing", "max_spacing", "gradation", "curvature", "grid", "points",
+         **dict.fromkeys(("attach", "min_spacing", "max_spacing", "gradation", "curvature", "grid", "points",
                           "witkin_heckbert", "step", "label_meshes", "mesh_usda", "after_frames", "chunk", "coherent"), 0.03)}
 # values of texts that have a form
 TEXTS = {"frames": ["1-2", "7", "all"], "slices": ["1-3", "1-9x2"], "webhook": ["https://example.com/"],

@@ -529,8 +529,8 @@ export type JobSpec = {
    */
   features?: boolean;
   /**
-   * The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
-   * attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
+   * The number of points. Give exactly one target (count, spacing, density, control, resolve or attach) and
+   * at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
    * curve_spacing the surface near curves; both may be combined with curvature or grid.
    */
   sampling: {
@@ -549,8 +549,8 @@ export type JobSpec = {
      * and no place of the surface is farther from its nearest point than 1.05 times that distance. The least
      * distance does not apply to points on opposite walls, whose normals differ by more than 113 degrees.
      * Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
-     * solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
-     * points, curve_spacing, features and queue.coherent. Default: "hexagonal".
+     * solver.method, init, energy, minimiser and sigma; excludes control, resolve, attach, alpha, points,
+     * curve_spacing, features and queue.coherent. Default: "hexagonal".
      */
     pattern?: "hexagonal" | "blue_noise";
     /**
@@ -579,13 +579,6 @@ export type JobSpec = {
       selection?: "biased" | "random";
     };
     /**
-     * The number of points that the whole job can relax, measure and write in this time on the machine that
-     * runs it. Trial runs with increasing counts determine the number. The result is not reproducible and is
-     * never cached. The job fails with limit_time if fewer than 200 points fit. Excludes min_spacing,
-     * max_spacing, feature and curve_spacing. (s)
-     */
-    time_s?: number;
-    /**
      * true, the only permitted value: hexad chooses the count that resolves the surface, from the spacing
      * that feature and grid require, at most max_spacing. The report and the estimate state the count.
      * Requires feature ("feature": {} is enough); excludes curvature. A closed mesh is then sampled on its
@@ -605,7 +598,7 @@ export type JobSpec = {
      * Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
      * size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
      * thin. The job fails if the count is too small, and names the count that it needs. Requires the method
-     * sized; excludes alpha and time_s.
+     * sized; excludes alpha.
      */
     feature?: {
       /**
@@ -709,7 +702,7 @@ export type JobSpec = {
     /**
      * Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
      * number of all points of the result: with mode keep it includes the given ones. Requires the method
-     * sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+     * sized; excludes control, resolve, queue.coherent and any solver.init but surface.
      */
     points?: {
       /**
@@ -732,19 +725,19 @@ export type JobSpec = {
      * The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a fraction
      * of the spacing around them. Away from the curves it grows by gradation; the count does not change. It
      * may be combined with curvature, grid or feature. It has no effect on a surface without curves. Requires
-     * the method sized; excludes alpha and time_s.
+     * the method sized; excludes alpha.
      */
     curve_spacing?: number;
     /**
-     * The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them;
-     * excludes time_s. feature uses no spacing below it. Default for feature: a quarter of a voxel; of a cell
-     * for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter of the side of its
-     * triangles, more if its area is large. (world)
+     * The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them.
+     * feature uses no spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula;
+     * for a mesh with resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if
+     * its area is large. (world)
      */
     min_spacing?: number;
     /**
-     * The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them;
-     * excludes time_s. At least min_spacing. (world)
+     * The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them.
+     * At least min_spacing. (world)
      */
     max_spacing?: number;
     /**
@@ -1252,8 +1245,8 @@ export type JobSpec = {
     chunk?: number;
     /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
-     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,
-     * sampling.time_s and sampling.alpha. Default: false.
+     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points
+     * and sampling.alpha. Default: false.
      */
     coherent?: boolean;
     /** How long the job and its results are kept after its end; 0: the service's setting. (s) Default: 0. */
@@ -1751,8 +1744,8 @@ export type AnsweredSpec = {
    */
   features?: boolean;
   /**
-   * The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
-   * attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
+   * The number of points. Give exactly one target (count, spacing, density, control, resolve or attach) and
+   * at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
    * curve_spacing the surface near curves; both may be combined with curvature or grid.
    */
   sampling: {
@@ -1771,8 +1764,8 @@ export type AnsweredSpec = {
      * and no place of the surface is farther from its nearest point than 1.05 times that distance. The least
      * distance does not apply to points on opposite walls, whose normals differ by more than 113 degrees.
      * Curves have no points of their own. blue_noise requires a surface without labels and the defaults of
-     * solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve, attach, alpha,
-     * points, curve_spacing, features and queue.coherent.
+     * solver.method, init, energy, minimiser and sigma; excludes control, resolve, attach, alpha, points,
+     * curve_spacing, features and queue.coherent.
      */
     pattern?: "hexagonal" | "blue_noise";
     /**
@@ -1801,13 +1794,6 @@ export type AnsweredSpec = {
       selection?: "biased" | "random";
     };
     /**
-     * The number of points that the whole job can relax, measure and write in this time on the machine that
-     * runs it. Trial runs with increasing counts determine the number. The result is not reproducible and is
-     * never cached. The job fails with limit_time if fewer than 200 points fit. Excludes min_spacing,
-     * max_spacing, feature and curve_spacing. (s)
-     */
-    time_s?: number;
-    /**
      * true, the only permitted value: hexad chooses the count that resolves the surface, from the spacing
      * that feature and grid require, at most max_spacing. The report and the estimate state the count.
      * Requires feature ("feature": {} is enough); excludes curvature. A closed mesh is then sampled on its
@@ -1827,7 +1813,7 @@ export type AnsweredSpec = {
      * Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
      * size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
      * thin. The job fails if the count is too small, and names the count that it needs. Requires the method
-     * sized; excludes alpha and time_s.
+     * sized; excludes alpha.
      */
     feature?: {
       /**
@@ -1928,7 +1914,7 @@ export type AnsweredSpec = {
     /**
      * Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
      * number of all points of the result: with mode keep it includes the given ones. Requires the method
-     * sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+     * sized; excludes control, resolve, queue.coherent and any solver.init but surface.
      */
     points?: {
       /**
@@ -1951,19 +1937,19 @@ export type AnsweredSpec = {
      * The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a fraction
      * of the spacing around them. Away from the curves it grows by gradation; the count does not change. It
      * may be combined with curvature, grid or feature. It has no effect on a surface without curves. Requires
-     * the method sized; excludes alpha and time_s.
+     * the method sized; excludes alpha.
      */
     curve_spacing?: number;
     /**
-     * The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them;
-     * excludes time_s. feature uses no spacing below it. Default for feature: a quarter of a voxel; of a cell
-     * for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter of the side of its
-     * triangles, more if its area is large. (world)
+     * The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them.
+     * feature uses no spacing below it. Default for feature: a quarter of a voxel; of a cell for a formula;
+     * for a mesh with resolve, 1/256 of its longest side or a quarter of the side of its triangles, more if
+     * its area is large. (world)
      */
     min_spacing?: number;
     /**
-     * The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them;
-     * excludes time_s. At least min_spacing. (world)
+     * The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused without them.
+     * At least min_spacing. (world)
      */
     max_spacing?: number;
     /**
@@ -2443,8 +2429,8 @@ export type AnsweredSpec = {
     chunk?: number;
     /**
      * Whether each frame starts with the points of the frame before. The points follow the motion of the
-     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points,
-     * sampling.time_s and sampling.alpha.
+     * surface and keep their ids. Requires frames and the method sized; excludes features, sampling.points
+     * and sampling.alpha.
      */
     coherent?: boolean;
     /** How long the job and its results are kept after its end; 0: the service's setting. (s) */

@@ -288,10 +288,7 @@ static void print_estimate(json_at document)
         terminal_text_put(stdout, frames);
         putchar('\n');
     }
-    if (json_type_of(count) == JSON_NUMBER)
-        printf("points   %.0f\n", json_number(count, 0));
-    else
-        puts("points   as many as sampling.time_s allows");
+    printf("points   %.0f\n", json_number(count, 0));
     printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
     printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
     if (json_type_of(seconds) == JSON_NUMBER) {

@@ -196,11 +196,6 @@ static void check_coherent(reading *r, const json_at *at, const spec *s)
             r, &coherent,
             "excludes sampling.points, because each frame starts with the points of the one before: remove "
             "one of the two");
-    if (s->time_s > 0)
-        reading_add_fault(
-            r, &coherent,
-            "excludes sampling.time_s, because the count would differ from frame to frame: give "
-            "a count or spacing");
 }
 
 static void check_bounds(reading *r, const json_at *at, const spec *s)
@@ -268,10 +263,10 @@ static bool has_labels(const spec_surface *s)
 /* Refuses members that concern a packing, points on curves or given points, if the pattern is blue noise. */
 static void check_pattern(reading *r, const json_at *at, const spec *s)
 {
-    static const char *const excluded[][2] = {
-        {"sampling", "control"},       {"sampling", "alpha"},  {"sampling", "resolve"},
-        {"sampling", "points"},        {"sampling", "attach"}, {"sampling", "time_s"},
-        {"sampling", "curve_spacing"}, {"", "features"},       {"queue", "coherent"}};
+    static const char *const excluded[][2] = {{"sampling", "control"}, {"sampling", "alpha"},
+                                              {"sampling", "resolve"}, {"sampling", "points"},
+                                              {"sampling", "attach"},  {"sampling", "curve_spacing"},
+                                              {"", "features"},        {"queue", "coherent"}};
     static const char *const fixed[] = {"method", "init", "energy", "minimiser", "sigma"};
     const bool is_fixed[] = {s->method == SPEC_METHOD_SIZED, s->init == SPEC_INIT_SURFACE,
                              s->energy == SPEC_ENERGY_COTANGENT, s->minimiser == SPEC_MINIMISER_LM,

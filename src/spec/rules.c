@@ -59,9 +59,29 @@ void rules_list_members(const spec_row *first, char list[RULES_LIST_MAX])
     if (used >= RULES_LIST_MAX) snprintf(list, RULES_LIST_MAX, "listed by hexad-worker spec-help");
 }
 
+/* Members of earlier versions: what to give instead. Jobs that wait since an upgrade may have them. */
+static const struct removed {
+    const char *group, *key, *remedy;
+} removed[] = {
+    {"/sampling", "time_s", "give count, spacing or density; hexad-worker estimate predicts the time"},
+};
+
+static const char *removed_remedy(const char *group, const char *key)
+{
+    for (size_t k = 0; k < sizeof removed / sizeof *removed; k++)
+        if (strcmp(group, removed[k].group) == 0 && strcmp(key, removed[k].key) == 0)
+            return removed[k].remedy;
+    return NULL;
+}
+
 static void unknown_member(reading *r, const json_at *at, const char *group)
 {
     char key[READING_SHOWN_MAX + 4], members[RULES_LIST_MAX];
+    const char *remedy = removed_remedy(group, at->key);
+    if (remedy) {
+        reading_add_fault(r, at, "was removed: %s", remedy);
+        return;
+    }
     const char *instead = suggestion(group, at->key);
     reading_shorten(at->key, key);
     rules_list_members(spec_row_first(group), members);
@@ -178,7 +198,7 @@ static void check_feature(reading *r, const json_at *at)
 
 static void check_points(reading *r, const json_at *at)
 {
-    static const char *const targets[] = {"control", "time_s", "resolve"};
+    static const char *const targets[] = {"control", "resolve"};
     const spec_points *given = reading_target(r, offsetof(spec, points));
     const json_at points = json_member(at, "points"), distance = json_member(&points, "distance");
     if (!points.node) return;
@@ -210,18 +230,11 @@ static void check_limits(reading *r, const json_at *at)
 
 static void check_sampling(reading *r, const json_at *at)
 {
-    static const char *const counted[] = {"min_spacing", "max_spacing", "feature", "curve_spacing"};
-    json_at least = json_member(at, "min_spacing"), most = json_member(at, "max_spacing"),
-            time = json_member(at, "time_s");
+    json_at least = json_member(at, "min_spacing"), most = json_member(at, "max_spacing");
     const double low = json_number(least, 0), high = json_number(most, 0);
-    bool counts = false;
-    for (size_t k = 0; k < sizeof counted / sizeof *counted; k++) counts |= is_given(at, counted[k]);
     check_limits(r, at);
     check_feature(r, at);
     check_points(r, at);
-    if (time.node && counts)
-        reading_add_fault(r, &time,
-                          "determines the count: remove min_spacing, max_spacing, feature and curve_spacing");
     if (most.node && high < low)
         reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", low, high);
 }

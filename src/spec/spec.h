@@ -263,7 +263,6 @@ typedef struct spec {
     double density; /* points per unit of area */
     bool has_control;
     spec_control control;
-    double time_s; /* time limit of the whole job */
     char *attach;  /* points.ply of a result whose points are placed on the surface's meshes; NULL: the
                     * surface is sampled */
     bool resolve;  /* as many points as the features require */

@@ -872,7 +872,7 @@ const spec_row spec_rows[] = {
 
     GROUP(
         "", "sampling", SPEC_REQUIRED,
-        "The number of points. Give exactly one target (count, spacing, density, control, time_s, "
+        "The number of points. Give exactly one target (count, spacing, density, control, "
         "resolve or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
         "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
     {.pointer = MEMBER("/sampling", "count"),
@@ -917,7 +917,7 @@ const spec_row spec_rows[] = {
          "surface is farther from its nearest point than 1.05 times that distance. The least distance does not apply to points "
          "on opposite walls, whose normals differ by more than 113 degrees. Curves have no points of their own. "
          "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
-         "excludes control, time_s, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
+         "excludes control, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
     {.pointer = MEMBER("/sampling", "control"),
      .title = "Number of points found as in the paper",
      .type = SPEC_TYPE_GROUP,
@@ -968,19 +968,6 @@ const spec_row spec_rows[] = {
      .prose = "Which points are split or deleted. biased: points with little energy are more likely to be "
               "split, points with much energy to be deleted. random: all points are equally likely. Only "
               "the method paper inserts and deletes points."},
-    {.pointer = MEMBER("/sampling", "time_s"),
-     .title = "Time, seconds",
-     .type = SPEC_TYPE_NUMBER,
-     .flags = SPEC_LOW_OPEN,
-     .choice = SPEC_CHOICE_TARGET,
-     .low = 0,
-     .high = 1e6,
-     AT(time_s),
-     .unit = "s",
-     .prose = "The number of points that the whole job can relax, measure and write in this time on the "
-              "machine that runs it. Trial runs with increasing counts determine the number. The result is "
-              "not reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
-              "fit. Excludes min_spacing, max_spacing, feature and curve_spacing."},
     {.pointer = MEMBER("/sampling", "resolve"),
      .title = "As many points as thin parts need",
      .type = SPEC_TYPE_BOOL,
@@ -1013,7 +1000,7 @@ const spec_row spec_rows[] = {
      .prose = "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
               "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
               "edges are not thin. The job fails if the count is too small, and names the count that it "
-              "needs. Requires the method sized; excludes alpha and time_s."},
+              "needs. Requires the method sized; excludes alpha."},
     {.pointer = MEMBER("/sampling/feature", "ratio"),
      .title = "Largest spacing over the feature size",
      .type = SPEC_TYPE_NUMBER,
@@ -1226,7 +1213,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is "
          "the number of all points of the result: with mode keep it includes the given ones. Requires the "
-         "method sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface."},
+         "method sized; excludes control, resolve, queue.coherent and any solver.init but surface."},
     {.pointer = MEMBER("/sampling/points", "path"),
      .title = "File",
      .type = SPEC_TYPE_STRING,
@@ -1267,7 +1254,7 @@ const spec_row spec_rows[] = {
      .prose = "The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as a "
               "fraction of the spacing around them. Away from the curves it grows by gradation; the count "
               "does not change. It may be combined with curvature, grid or feature. It has no effect on a "
-              "surface without curves. Requires the method sized; excludes alpha and time_s."},
+              "surface without curves. Requires the method sized; excludes alpha."},
     {.pointer = MEMBER("/sampling", "min_spacing"),
      .title = "Smallest spacing",
      .type = SPEC_TYPE_NUMBER,
@@ -1277,7 +1264,7 @@ const spec_row spec_rows[] = {
      AT(min_spacing),
      .unit = "world",
      .prose = "The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
-              "without them; excludes time_s. feature uses no spacing below it. Default for feature: a "
+              "without them. feature uses no spacing below it. Default for feature: a "
               "quarter of a voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest "
               "side or a quarter of the side of its triangles, more if its area is large."},
     {.pointer = MEMBER("/sampling", "max_spacing"),
@@ -1289,7 +1276,7 @@ const spec_row spec_rows[] = {
      AT(max_spacing),
      .unit = "world",
      .prose = "The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
-              "without them; excludes time_s. At least min_spacing."},
+              "without them. At least min_spacing."},
     {.pointer = MEMBER("/sampling", "gradation"),
      .title = "Growth of the spacing",
      .type = SPEC_TYPE_NUMBER,
@@ -2167,7 +2154,7 @@ const spec_row spec_rows[] = {
      .prose =
          "Whether each frame starts with the points of the frame before. The points follow the motion of "
          "the surface and keep their ids. Requires frames and the method sized; excludes features, "
-         "sampling.points, sampling.time_s and sampling.alpha."},
+         "sampling.points and sampling.alpha."},
     {.pointer = MEMBER("/queue", "retention_s"),
      .title = "Time until the results are deleted, seconds",
      .type = SPEC_TYPE_LARGE,

@@ -148,7 +148,6 @@ def test_features_below_the_spacing_are_not_converged(solve, tmp_path):
 
 REFUSED = [("/sampling/alpha", {"sampling": {"alpha": {}}}),
            ("/sampling/resolve", {"sampling": {"count": None, "resolve": True, "feature": {}}}),
-           ("/sampling/time_s", {"sampling": {"count": None, "time_s": 1}}),
            ("/sampling/points", {"sampling": {"points": {"path": "a.ply", "mode": "keep"}}}),
            ("/sampling/curve_spacing", {"sampling": {"curve_spacing": 0.5}}),
            ("/features", {"features": True}),

@@ -91,9 +91,7 @@ def test_the_memory_that_a_message_requests_is_needed_and_suffices(worker, tmp_p
 
 @pytest.mark.sanitized
 def test_what_cannot_be_told(estimate):
-    """A time is the target; counts are found on the way."""
-    found = estimate(sphere(sampling={"time_s": 3}))
-    assert found["count"] is None and found["seconds"] == 3
+    """The count is found on the way."""
     control = {"min_count": 100, "max_sigma": 0.3}
     found = estimate(sphere(sampling={"control": control}, solver={"method": "paper"}))
     assert found["seconds"] is None and "sampling.control" in found["seconds_missing"]

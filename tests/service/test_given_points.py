@@ -334,7 +334,7 @@ def test_members_that_do_not_fit_are_refused(refuse, points, where, words):
 
 
 @pytest.mark.parametrize("more, words", [
-    ({"sampling": {"time_s": 1}}, "time_s"),
+    ({"sampling": {"control": {"min_count": 50, "max_sigma": 0.5}}}, "control"),
     ({"sampling": {"count": 100, "alpha": {}}}, "sampling.points"),
     ({"solver": {"method": "paper"}}, "sized"),
     ({"solver": {"init": "random"}}, "sampling.points"),

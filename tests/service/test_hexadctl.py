@@ -314,7 +314,7 @@ def test_a_job_that_fails(run, tmp_path):
 @pytest.mark.sanitized
 def test_a_retry_with_dependents(run, tmp_path, service):
     """As long as the first one fails, all fail."""
-    first = service.submit(sphere(sampling={"time_s": 1e-3}))
+    first = service.submit(long_sphere(limits={"timeout_s": 0.1}))
     service.wait_state(first, "failed", "timed_out")
     second = service.submit(sphere(queue={"depends_on": [first]}))
     third = service.submit(sphere(queue={"depends_on": [second]}))

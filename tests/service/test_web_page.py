@@ -625,7 +625,7 @@ def test_a_result_is_delivered_again(new_service, browser, tmp_path):
 
 
 def test_a_job_is_retried_with_the_jobs_that_depend_on_it(service, browser):
-    first = service.submit(sphere(sampling={"time_s": 1e-3}))
+    first = service.submit(long_sphere(limits={"timeout_s": 0.1}))
     service.wait_state(first, "failed", "timed_out")
     second = service.submit(sphere(queue={"depends_on": [first]}))
     before = service.wait_state(second, "failed")["revision"]

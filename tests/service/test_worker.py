@@ -94,53 +94,14 @@ def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigm
     assert (sum(r["inserted"] for r in report["rounds"]) > 0) == (method == "paper" and min_count == 50)
 
 
-def test_the_best_that_fits_in_a_time(worker, tmp_path):
-    seconds = 2
-    done = worker(sphere(sampling={"time_s": seconds}))
-    if done.returncode == 5:  # on a machine that has no time for it
-        seconds = 120
-        done = worker(sphere(sampling={"time_s": seconds}))
-    assert done.returncode in (0, 10, 11), done.stderr
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    count = Points((tmp_path / "out" / "points.ply").read_bytes()).count
-    assert report["requested"] == {"time_s": seconds} and set(report["reached"]) == {"count", "time_s"}
-    assert count == report["count"] == report["reached"]["count"] >= 200
-    assert report["reached"]["time_s"] > 0
-    assert report["quality"]["lost"] == 0 and report["quality"]["max_residual"] <= 1e-3
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*OUTPUTS, "summary.json"])
-    assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr"]
-
-
-def test_a_time_for_a_target_needs_memory_for_its_first_points(worker):
-    """Where the preview of a job of 64 MiB leaves too little."""
-    def fault(size):
-        done = worker(sphere(sampling={"time_s": 1e-3}, limits={"memory_mb": 64}, output={"preview": {"size": [size, size]}}))
-        return last_words(done)
-
-    fits, large = 1024, 4096
-    while large - fits > 1:
-        size = (fits + large) // 2
-        fits, large = (fits, size) if fault(size)["code"] == "limit_memory" else (size, large)
-    assert fault(large)["message"].startswith("limits.memory_mb: 200 points require")
-
-
 @pytest.mark.parametrize("sampling", [
-    {"count": 200}, {"spacing": 0.2}, {"density": 20}, {"time_s": 1e-3}, {"control": {"min_count": 50, "max_sigma": 0.5}}], ids=lambda s: next(iter(s)))
+    {"count": 200}, {"spacing": 0.2}, {"density": 20}, {"control": {"min_count": 50, "max_sigma": 0.5}}], ids=lambda s: next(iter(s)))
 def test_no_points_are_placed_where_memory_holds_none(worker, sampling):
     """The preview takes more than all of it."""
     solver = {"method": "paper"} if "control" in sampling else {}
     words = last_words(worker(sphere(sampling=sampling, solver=solver, limits={"memory_mb": 64},
                                      output={"preview": {"size": [4096, 4096]}})))
     assert words["code"] == "limit_memory" and "leave 0 of 64 MiB: set it to at least " in words["message"]
-
-
-@pytest.mark.sanitized
-def test_a_time_in_which_nothing_fits(worker, tmp_path):
-    done = worker(sphere(sampling={"time_s": 1e-3}))
-    assert done.returncode == 5
-    words = last_words(done)
-    assert words["code"] == "limit_time" and "/sampling/time_s" in words["message"]
-    assert not (tmp_path / "out" / "report.json").exists()
 
 
 @pytest.mark.sanitized

@@ -120,8 +120,6 @@ static void test_keys(void **state)
     store_hash(short_key, strlen(short_key), other);
     free(short_key);
     assert_int_equal(strcmp(key, other) == 0, !strchr(PACKAGE_VERSION, '~') || !cache_identifies_build());
-    /* the best result within a time limit varies */
-    assert_false(key_of("{\"sampling\":{\"time_s\":3}}", other));
 }
 
 static void test_changed_inputs_make_an_entry_invalid(void **state)

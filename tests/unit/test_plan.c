@@ -161,12 +161,9 @@ static void memory_includes_defect_repair(void **state)
     (void)state;
     const spec plain = {.method = SPEC_METHOD_SIZED},
                graded = {.method = SPEC_METHOD_SIZED, .has_curvature = true},
-               in_time = {.method = SPEC_METHOD_SIZED, .has_curvature = true, .time_s = 1},
                other = {.method = SPEC_METHOD_PAPER, .has_curvature = true};
     assert_true(bytes_of(&graded, 1e4) >= bytes_of(&plain, 1e4) + 150e4);
     assert_true(plan_particle_memory(&graded, 1000, 300) < plan_particle_memory(&plain, 1000, 300) - 4e6);
-    assert_true(bytes_of(&in_time, 1e4) == bytes_of(&plain, 1e4));
-    assert_true(plan_particle_memory(&in_time, 1000, 300) == plan_particle_memory(&plain, 1000, 300));
     assert_true(bytes_of(&other, 1e4) == bytes_of(&plain, 1e4));
 }
 
@@ -179,13 +176,12 @@ static void defects_of_patches_are_repaired(void **state)
                formula = {.method = SPEC_METHOD_SIZED, .features = true},
                rows = {.method = SPEC_METHOD_SIZED, .features = true, .curve_spacing = 0.5},
                resolved = {.method = SPEC_METHOD_SIZED, .surface.mesh.has_features = true, .resolve = true},
-               in_time = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_LABELS, .time_s = 1},
                many = {.method = SPEC_METHOD_SIZED, .features = true, .count = 8000000},
                plain = {.method = SPEC_METHOD_SIZED, .surface.kind = SPEC_SURFACE_MESH};
     assert_true(plan_repairs_defects(&labels) && plan_repairs_defects(&sharp) &&
                 plan_repairs_defects(&formula));
     assert_false(plan_repairs_defects(&rows) || plan_repairs_defects(&resolved) ||
-                 plan_repairs_defects(&in_time) || plan_repairs_defects(&plain));
+                 plan_repairs_defects(&plain));
     /* no memory is reserved for a pass that is not made */
     assert_true(bytes_of(&many, 1e4) == bytes_of(&plain, 1e4));
 }

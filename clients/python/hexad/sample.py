@@ -28,7 +28,7 @@ SURFACES = {"mesh": "SurfaceMesh", "volume": "SurfaceVolume", "labels": "Surface
 CONVERGED = "converged"
 KEYWORDS = ("faces", "count", "affine", "seed", "threads", "region", "attributes", "mesh", "properties", "directory", "roots",
             "progress")  # of sample, without members of sampling and of surfaces
-UNEQUAL = ("spacing", "density", "control", "time_s", "resolve", "attach")  # targets other than count
+UNEQUAL = ("spacing", "density", "control", "resolve", "attach")  # targets other than count
 GROUPS = ("/surface", "/sampling", "/solver", "/region", "/attributes", "/output")  # where keywords are in the spec
 SHOWN = 10  # indices in a warning of sample_many
 

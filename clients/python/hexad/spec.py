@@ -682,7 +682,7 @@ class SamplingFeature(_SamplingFeatureRest):
     """Finer spacing where the surface is thin or opposite walls are close: at most ratio times the feature
     size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin.
     The job fails if the count is too small, and names the count that it needs. Requires the method sized;
-    excludes alpha and time_s.
+    excludes alpha.
 
     ratio: The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; above
         1, they may remain unresolved. Default: 0.75.
@@ -805,7 +805,7 @@ class _SamplingPointsRest(TypedDict, total=False):
 class SamplingPoints(_SamplingPointsNeeded, _SamplingPointsRest):
     """Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is the
     number of all points of the result: with mode keep it includes the given ones. Requires the method sized;
-    excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+    excludes control, resolve, queue.coherent and any solver.init but surface.
 
     path: The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below
         one of the service's input roots, or have been sent with hexadctl upload. Only the positions are read,
@@ -824,7 +824,6 @@ class _SamplingRest(TypedDict, total=False):
     density: float
     pattern: Literal["hexagonal", "blue_noise"]
     control: SamplingControl
-    time_s: float
     resolve: bool
     attach: str
     feature: SamplingFeature
@@ -839,9 +838,9 @@ class _SamplingRest(TypedDict, total=False):
 
 
 class Sampling(_SamplingRest):
-    """The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve or
-    attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and
-    curve_spacing the surface near curves; both may be combined with curvature or grid.
+    """The number of points. Give exactly one target (count, spacing, density, control, resolve or attach) and
+    at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts, and curve_spacing
+    the surface near curves; both may be combined with curvature or grid.
 
     count: The exact number of points. (points)
     spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
@@ -852,16 +851,12 @@ class Sampling(_SamplingRest):
         spacings, and no place of the surface is farther from its nearest point than 1.05 times that distance.
         The least distance does not apply to points on opposite walls, whose normals differ by more than 113
         degrees. Curves have no points of their own. blue_noise requires a surface without labels and the
-        defaults of solver.method, init, energy, minimiser and sigma; excludes control, time_s, resolve,
-        attach, alpha, points, curve_spacing, features and queue.coherent. Default: 'hexagonal'.
+        defaults of solver.method, init, energy, minimiser and sigma; excludes control, resolve, attach,
+        alpha, points, curve_spacing, features and queue.coherent. Default: 'hexagonal'.
     control: For reproducing the paper; otherwise use count. Finds the smallest count that is at least
         min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the paper).
         Method paper starts with min_count points and inserts and deletes some between rounds. Method sized
         computes the count from sigma = sqrt(3) spacing. Works with the methods sized and paper.
-    time_s: The number of points that the whole job can relax, measure and write in this time on the machine
-        that runs it. Trial runs with increasing counts determine the number. The result is not reproducible
-        and is never cached. The job fails with limit_time if fewer than 200 points fit. Excludes min_spacing,
-        max_spacing, feature and curve_spacing. (s)
     resolve: true, the only permitted value: hexad chooses the count that resolves the surface, from the
         spacing that feature and grid require, at most max_spacing. The report and the estimate state the
         count. Requires feature ("feature": {} is enough); excludes curvature. A closed mesh is then sampled
@@ -875,7 +870,7 @@ class Sampling(_SamplingRest):
     feature: Finer spacing where the surface is thin or opposite walls are close: at most ratio times the
         feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges
         are not thin. The job fails if the count is too small, and names the count that it needs. Requires the
-        method sized; excludes alpha and time_s.
+        method sized; excludes alpha.
     alpha: Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
         multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
         surface of a volume or mesh, of the domain of a formula or B-spline. The report states L. Excludes
@@ -887,17 +882,17 @@ class Sampling(_SamplingRest):
         method sized.
     points: Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is
         the number of all points of the result: with mode keep it includes the given ones. Requires the method
-        sized; excludes control, time_s, resolve, queue.coherent and any solver.init but surface.
+        sized; excludes control, resolve, queue.coherent and any solver.init but surface.
     curve_spacing: The spacing of points on curves (sharp edges, boundaries of meshes, curves of features), as
         a fraction of the spacing around them. Away from the curves it grows by gradation; the count does not
         change. It may be combined with curvature, grid or feature. It has no effect on a surface without
-        curves. Requires the method sized; excludes alpha and time_s.
+        curves. Requires the method sized; excludes alpha.
     min_spacing: The smallest spacing. Requires curvature, grid, feature or curve_spacing, and is refused
-        without them; excludes time_s. feature uses no spacing below it. Default for feature: a quarter of a
-        voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter of the
-        side of its triangles, more if its area is large. (world)
+        without them. feature uses no spacing below it. Default for feature: a quarter of a voxel; of a cell
+        for a formula; for a mesh with resolve, 1/256 of its longest side or a quarter of the side of its
+        triangles, more if its area is large. (world)
     max_spacing: The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused
-        without them; excludes time_s. At least min_spacing. (world)
+        without them. At least min_spacing. (world)
     gradation: The largest increase of the spacing per unit of distance along the surface. Requires curvature,
         grid, feature or curve_spacing, and is refused without them. Default: 0.2.
     """
@@ -1386,7 +1381,7 @@ class Queue(_QueueRest):
         coherent. (frames) Default: 1.
     coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
         the surface and keep their ids. Requires frames and the method sized; excludes features,
-        sampling.points, sampling.time_s and sampling.alpha. Default: False.
+        sampling.points and sampling.alpha. Default: False.
     retention_s: How long the job and its results are kept after its end; 0: the service's setting. (s)
         Default: 0.
     webhook: An http or https address that the service calls when the job has ended. The service must allow
@@ -1429,9 +1424,9 @@ class Spec(_SpecNeeded, _SpecRest):
         combination meet, and on the cuts of a region, at the requested spacing. The surface is then divided
         into smooth patches, and mesh.ply has edges along their boundaries. For meshes, use
         /surface/mesh/features. Default: False.
-    sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s, resolve
-        or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin
-        parts, and curve_spacing the surface near curves; both may be combined with curvature or grid.
+    sampling: The number of points. Give exactly one target (count, spacing, density, control, resolve or
+        attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin parts,
+        and curve_spacing the surface near curves; both may be combined with curvature or grid.
     solver: How the points are computed.
     outcome: Requirements on the result in addition to the criteria of every job (doc/report.md).
     attributes: Values from files that are interpolated at the points and written to every output, such as
@@ -1449,7 +1444,6 @@ class SampleMembers(TypedDict, total=False):
     density: float
     pattern: Literal["hexagonal", "blue_noise"]
     control: SamplingControl
-    time_s: float
     resolve: bool
     attach: str
     feature: SamplingFeature

@@ -8,8 +8,8 @@
 #include "base/core/memory.h"
 #include "geometry/space/packing.h"
 #include "sampling/measures/measures.h"
+#include "sampling/solver/schedule.h"
 #include "job/report/advice.h"
-#include "job/phases/cost_model.h"
 #include "job/phases/attach.h"
 #include "job/phases/job.h"
 #include "job/source/plan.h"
@@ -22,8 +22,8 @@
 
 /* Counts of the trial runs: the count of the job over a power of 4, as the counts of levels are, so that the
  * coarsest level is that of the job. A trial has at most REHEARSAL_MOST points, a sixth of the time of 10
- * 000, and at least COST_MODEL_FIRST. */
-enum { REHEARSAL_STRIDE = 4, REHEARSAL_MOST = 4000 };
+ * 000, and at least REHEARSAL_LEAST, a run of milliseconds. */
+enum { REHEARSAL_STRIDE = 4, REHEARSAL_LEAST = 200, REHEARSAL_MOST = 4000 };
 /* Limits of CPU time, which does not depend on other processes, after the placement of the points: for the first
  * trial, and for each of the others. Trials with fewer points follow only if the first one did not end. The
  * placement takes at most about as long as that of the job. Larger: slower jobs get an estimate, which takes
@@ -37,6 +37,19 @@ static const double BYTES_WITH_OPENVDB = 37 << 20;
 /* Bytes per triangle or cell of the surface while the result is measured: its index, piece, normal and part of the
  * tree nodes (sampling/measures/facets). */
 static const double BYTES_PER_FACET = 40;
+
+/* Fitted to schedule_multilevel: after a change of its sweeps, fit this and PER_POINT again
+ * (measurements/inputs/estimates.py).
+ * Time of a sweep of a level with extra sweeps for its defects, over that of another sweep: later sweeps have fewer
+ * guarded steps. Such a level takes at least the time of its minimum number of sweeps. Larger: longer estimates from
+ * 5 000 points. */
+static const double EXTRA_SHARE = 0.5;
+/* Time of the work done once per point (insertion, projection, measurement), in particle updates. From the trial run to a million
+ * points the time of the sweeps grows by 35 on the torus and 28 on a level set of a sphere, and by 39 with this value. Larger:
+ * longer estimates from 50 000 points. */
+static const double PER_POINT = 20;
+/* Minimum number of points of the coarsest level (doc/method.md, multilevel schedule). */
+enum { LEVEL_LEAST = 100 };
 
 /* Seconds of a run: the placement of its points, its sweeps, what follows, and the weights of the points. Those of the sweeps
  * depend mostly on the count, those of the weights are proportional to it, and the others depend on the surface and its
@@ -78,6 +91,21 @@ static const char *rehearsal_obstacle(const job *j)
                : NULL;
 }
 
+/* Predicts a quantity proportional to the time up to the last sweep, in particle updates. `by_levels`: the
+ * solve has levels (schedule_multilevel); otherwise the quantity is the count. */
+static double relative_work(size_t count, bool by_levels)
+{
+    const schedule *s = &schedule_multilevel;
+    double work = by_levels ? PER_POINT * (double)count : (double)count;
+    for (size_t n = count; by_levels && n >= LEVEL_LEAST; n /= 4) {
+        schedule_position at = {.levels = 1, .stage = SCHEDULE_STAGES - 1, .count = n};
+        const double sweeps = schedule_level_sweeps(s, &at);
+        at.has_many_defects = (double)n >= s->defects_count;
+        work += (double)n * fmax(sweeps, EXTRA_SHARE * schedule_level_sweeps(s, &at));
+    }
+    return work;
+}
+
 /* Predicted seconds from the placement of points to the last measure, and those of the weights among them; NAN if no
  * trial run ended. */
 static double rehearse(job *j, double *weights_s)
@@ -87,16 +115,15 @@ static double rehearse(job *j, double *weights_s)
     size_t part = 1;
     const double most_threads = count < SHARED_FROM ? 1 : threads_count(j->pool);
     run_cost cost;
-    while ((part == 1 || count / part > REHEARSAL_MOST) &&
-           count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST)
+    while ((part == 1 || count / part > REHEARSAL_MOST) && count / part / REHEARSAL_STRIDE >= REHEARSAL_LEAST)
         part *= REHEARSAL_STRIDE;
     j->count = count / part;
     bool ended = rehearse_once(j, REHEARSAL_S[0], &cost);
-    while (!ended && j->count / REHEARSAL_STRIDE >= COST_MODEL_FIRST) {
+    while (!ended && j->count / REHEARSAL_STRIDE >= REHEARSAL_LEAST) {
         j->count /= REHEARSAL_STRIDE;
         ended = rehearse_once(j, REHEARSAL_S[1], &cost);
     }
-    const double more = cost_model_work(count, by_levels) / cost_model_work(j->count, by_levels),
+    const double more = relative_work(count, by_levels) / relative_work(j->count, by_levels),
                  grown = (double)count / (double)j->count;
     j->count = count;
     if (!ended) return NAN;
@@ -182,14 +209,11 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
         int64_t held = job_held_memory();
         double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);
-        const char *missing = NULL;
-        double seconds = s->time_s, weights_s = NAN; /* the target limits the whole job */
-        if (s->time_s <= 0) {
-            missing = rehearsal_obstacle(&j);
-            seconds = missing ? NAN : opened_s + rehearse(&j, &weights_s);
-            if (isnan(seconds) && !missing)
-                missing = "a trial run with few points did not end within its time limit";
-        }
+        double weights_s = NAN;
+        const char *missing = rehearsal_obstacle(&j);
+        const double seconds = missing ? NAN : opened_s + rehearse(&j, &weights_s);
+        if (isnan(seconds) && !missing)
+            missing = "a trial run with few points did not end within its time limit";
         if (job_may_continue(&j, e)) estimate = describe_estimate(&j, held, seconds, weights_s, missing);
     }
     progress_end(&j.progress);

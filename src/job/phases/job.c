@@ -13,7 +13,6 @@
 #include "geometry/space/packing.h"
 #include "surface/remesh/left_out.h"
 #include "surface/remesh/surface_mesh.h"
-#include "job/phases/cost_model.h"
 #include "job/phases/label_meshes.h"
 #include "job/phases/measured_surface.h"
 #include "job/phases/upright.h"
@@ -277,8 +276,6 @@ bool job_survey(job *j, error *e)
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan) return source_prefix_origin(&j->source, e);
     if (!find_curves(j, e)) return false;
-    /* the count of the first of several runs */
-    if (j->spec->time_s > 0) return fits_memory(j, COST_MODEL_FIRST, e);
     double wanted = 0;
     if (j->spec->resolve) {
         if (!make_sizing(j, 0, &j->by_features, e)) return false;
@@ -473,22 +470,16 @@ done:
     return out->solver != NULL;
 }
 
-double job_seconds_left(const job *j)
-{
-    return clock_seconds(j->end_ms - clock_monotonic_ms());
-}
-
 static void show_progress(job *j, const solver *s, const solver_sweep *last, size_t sweeps)
 {
     size_t rounds;
     solver_rounds(s, &rounds);
-    double fraction = j->spec->time_s > 0 ? 1 - job_seconds_left(j) / j->spec->time_s : solver_fraction(s);
     progress_update(&j->progress,
-                    &(progress_numbers){fraction, rounds, sweeps, last->count, solver_excess(s, last),
-                                        last->rms_step, last->mean_log10_lambda});
+                    &(progress_numbers){solver_fraction(s), rounds, sweeps, last->count,
+                                        solver_excess(s, last), last->rms_step, last->mean_log10_lambda});
 }
 
-bool job_relax(job *j, solver *s, double reserve_s, error *e)
+bool job_relax(job *j, solver *s, error *e)
 {
     while (!solver_ended(s)) {
         if (!job_may_continue(j, e) || !solver_step(s, e)) return false;
@@ -496,7 +487,6 @@ bool job_relax(job *j, solver *s, double reserve_s, error *e)
         const solver_sweep *last = solver_sweeps(s, &sweeps) + sweeps - 1;
         show_progress(j, s, last, sweeps);
         snapshot_offer(&j->snapshot, s, &j->source, j->spec);
-        if (j->spec->time_s > 0 && job_seconds_left(j) < reserve_s) break;
     }
     return true;
 }
@@ -619,7 +609,7 @@ static bool pin_unrepresented(job *j, solution *s, error *e)
         if (!ok || !goes_on) return ok;
         left -= count;
         drop_triangles(s);
-        if (!job_relax(j, s->solver, 0, e) || !job_finalize(j, s, e)) return false;
+        if (!job_relax(j, s->solver, e) || !job_finalize(j, s, e)) return false;
     }
     return true;
 }
@@ -627,7 +617,7 @@ static bool pin_unrepresented(job *j, solution *s, error *e)
 bool job_solve(job *j, error *e)
 {
     for (bool again = true; again;)
-        if (!job_relax(j, j->solution.solver, 0, e) || !job_finalize(j, &j->solution, e) ||
+        if (!job_relax(j, j->solution.solver, e) || !job_finalize(j, &j->solution, e) ||
             !pin_unrepresented(j, &j->solution, e) || !choose_points(j, &again, e))
             return false;
     return true;

@@ -60,10 +60,9 @@ typedef struct job {
     surface *scan;
     curve_distance *curves;    /* distance from curves, if the spacing is finer at curves; otherwise NULL */
     sizing_field *by_features; /* with sampling.feature: sizing field for the total count */
-    size_t count;              /* points for the target; if the target is a time: points of the next run */
+    size_t count;              /* points for the target */
     solution solution;
     sequence sequence; /* with queue.coherent */
-    int64_t end_ms;    /* if the target is a time: when the job must end, monotonic */
     json *report;
     report_outputs results;
 } job;
@@ -81,16 +80,14 @@ bool job_make_pool(job *j, error *e);
 /* Creates the pool, chooses the instruction set, and opens the previous frame and the source. */
 bool job_load(job *j, error *e);
 
-/* Scans the surface and computes the count from the target, unless the target is a time. Makes the sizing
- * field if features bound it. */
+/* Scans the surface and computes the count from the target. Makes the sizing field if features bound it. */
 bool job_survey(job *j, error *e);
 
 /* Places j->count particles, or the points of the previous frame. Free *out after failure, too. */
 bool job_place(job *j, solution *out, error *e);
 
-/* Sweeps until the system has converged. If the target is a time, ends also when only `reserve_s` seconds
- * are left. */
-bool job_relax(job *j, solver *s, double reserve_s, error *e);
+/* Sweeps until the system has converged. */
+bool job_relax(job *j, solver *s, error *e);
 
 /* Projects the points onto the surface to rounding, or onto the triangles of its mesh. */
 bool job_finalize(job *j, solution *s, error *e);
@@ -112,9 +109,6 @@ bool job_write_points(job *j, error *e);
 
 /* Runs phases in order, with a watchdog, until one fails or the job must stop. */
 bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e);
-
-/* Seconds that are left; requires a time as target. */
-double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
 plan_particles job_particles(const job *j);

@@ -9,17 +9,15 @@
 #include "job/phases/job.h"
 #include "job/report/report.h"
 #include "job/source/plan.h"
-#include "job/phases/time_target.h"
 
 static bool start(job *j, error *e)
 {
-    return job_survey(j, e) && (j->spec->time_s > 0 || job_place(j, &j->solution, e));
+    return job_survey(j, e) && job_place(j, &j->solution, e);
 }
 
 static bool relax(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_RELAX);
-    if (j->spec->time_s > 0) return time_target_fill(j, e);
     if (!job_solve(j, e)) return false;
     return !j->spec->coherent || sequence_end(&j->sequence, solver_result_points(j->solution.solver), e);
 }
@@ -37,7 +35,6 @@ static outcome_input outcome_input_of(const job *j)
     return (outcome_input){
         .measures = &j->solution.measures,
         .stopped = end == SOLVER_RUNNING || end == SOLVER_OUT_OF_SWEEPS,
-        .out_of_time = end == SOLVER_RUNNING,
         .rms_step = sweeps > 0 ? sweep[sweeps - 1].rms_step : 0,
         .step_left = p->step_without_kinks,
         .step_tolerance = j->spec->step_tolerance,
@@ -73,8 +70,7 @@ static bool measure_result(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_MEASURE);
     source_end_solving(&j->source);
-    /* with a time as target, runs have been measured */
-    return (j->spec->time_s > 0 || job_measure(j, &j->solution, e)) && measure_walls(j, &j->solution, e);
+    return job_measure(j, &j->solution, e) && measure_walls(j, &j->solution, e);
 }
 
 static bool find_curvature(job *j, error *e)
@@ -147,7 +143,6 @@ bool run_job(const spec *s, const run_options *options, outcome_kind *outcome, j
     if (s->attach) return attach_run(s, options, outcome, report, e);
     progress_begin(&j.progress, options->progress_fd, options->progress_bar, options->listener);
     snapshot_begin(&j.snapshot, options->progress_fd >= 0 ? options->output : NULL);
-    j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
     bool ok = options->delivery.begin(options->delivery.context, e) &&
               job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
     progress_end(&j.progress);

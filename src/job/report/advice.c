@@ -88,8 +88,7 @@ static double rounded_down(double value)
     return floor(value / unit * (1 + 1e-12)) * unit;
 }
 
-/* The member of the spec that determines the number of points, and its value at this resolution. NULL: the
- * target is a time. */
+/* The member of the spec that determines the number of points, and its value at this resolution. */
 static const char *choose_target(const spec *s, double area, advice_resolution to, double *value)
 {
     *value = s->spacing > 0   ? rounded_down(to.spacing)
@@ -99,7 +98,6 @@ static const char *choose_target(const spec *s, double area, advice_resolution t
     return s->spacing > 0   ? "/sampling/spacing"
            : s->density > 0 ? "/sampling/density"
            : s->has_control ? "/sampling/control/max_sigma"
-           : s->time_s > 0  ? NULL
                             : "/sampling/count";
 }
 
@@ -127,12 +125,6 @@ void advice_append_resolution(json *list, const spec *s, double area, advice_res
             "the spacing is too large to distinguish the two sides of thin walls, which takes %.0f points (spacing "
             "%.3g) and about %.0f MiB, more than the %.0f MiB that a job may have: %s",
             to.count, to.spacing, memory, of->most, other_remedy(s));
-        advice_append(list, code, message);
-    } else if (!target) {
-        message = mem_printf(
-            "the spacing is too large to distinguish the two sides of thin walls, which takes a spacing of %.3g "
-            "(%.2g points): raise /sampling/time_s",
-            to.spacing, to.count);
         advice_append(list, code, message);
     } else {
         message = mem_printf(

@@ -41,14 +41,7 @@ static bool out_of_sweeps(const outcome_input *in, double *value, double *bound)
 {
     *value = in->rms_step;
     *bound = in->step_tolerance;
-    return in->stopped && !in->out_of_time;
-}
-
-static bool out_of_time(const outcome_input *in, double *value, double *bound)
-{
-    *value = in->rms_step;
-    *bound = in->step_tolerance;
-    return in->stopped && in->out_of_time;
+    return in->stopped;
 }
 
 /* Measured on the delivered points, independent of the solver; NaN does not fail. */
@@ -145,10 +138,6 @@ static const criterion criteria[] = {
     {"rms_step", OUTCOME_NOT_CONVERGED, false, out_of_sweeps,
      "rms_step: the solve reached solver.max_sweeps before it converged; the RMS step of its last sweep is "
      "%.3g spacings. Raise solver.max_sweeps.",
-     1},
-    {"rms_step", OUTCOME_NOT_CONVERGED, false, out_of_time,
-     "rms_step: sampling.time_s ended before the solve converged; the RMS step of its last sweep is %.3g "
-     "spacings. Raise sampling.time_s.",
      1},
     {"step_left", OUTCOME_NOT_CONVERGED, false, step_left,
      "step_left: the points have not converged: their next relaxation step is %.3g spacings (at most %.3g), usually "

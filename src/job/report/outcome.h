@@ -26,7 +26,6 @@ extern const char *const outcome_names[OUTCOME_KINDS];
 typedef struct outcome_input {
     const measures *measures; /* of the delivered points */
     bool stopped;             /* the solve ended before it had converged */
-    bool out_of_time; /* of a solve that was stopped: sampling.time_s stopped it, not solver.max_sweeps */
     double rms_step;  /* of its last sweep, in spacings */
     double step_left; /* of the delivered points, in spacings; NAN: unknown */
     double step_tolerance;

@@ -412,11 +412,6 @@ static void put_target(json *report, const report_facts *facts)
         json_put_bool(requested, "resolve", true);
         json_put_integer(reached, "count", (int64_t)facts->count);
     }
-    if (s->time_s > 0) {
-        json_put_number(requested, "time_s", s->time_s);
-        json_put_integer(reached, "count", (int64_t)facts->count);
-        json_put_number(reached, "time_s", clock_seconds(clock_monotonic_ms() - facts->timing.start_ms));
-    }
     if (s->has_control) {
         json_put_integer(requested, "min_count", s->control.min_count);
         json_put_number(requested, "max_sigma", s->control.max_sigma);

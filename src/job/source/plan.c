@@ -62,7 +62,7 @@ bool plan_repairs_defects(const spec *s)
     const bool has_patches =
         s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
     const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
-    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && !(s->time_s > 0) &&
+    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent &&
            s->method == SPEC_METHOD_SIZED && !((double)s->count > REPAIRED_MAX);
 }
 

@@ -47,8 +47,8 @@ bool cache_key(const json *spec, char key[STORE_HASH_SIZE])
     static const char *const of_the_job[] = {"name", "limits", "queue", "output"};
     static const char *const of_the_output[] = {"directory"};
     json_at root = json_root(spec);
-    json_at sampling = json_member(&root, "sampling"), output = json_member(&root, "output");
-    bool can = json_type_of(root) == JSON_OBJECT && !json_member(&sampling, "time_s").node;
+    json_at output = json_member(&root, "output");
+    bool can = json_type_of(root) == JSON_OBJECT;
     if (can) {
         json *rest = copy_without(root, of_the_job, sizeof of_the_job / sizeof *of_the_job);
         json_put(rest, "output", copy_without(output, of_the_output, 1));
