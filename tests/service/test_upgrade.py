@@ -99,8 +99,16 @@ def test_a_waiting_job_has_the_defaults_of_its_build(upgraded, request):
     service.wait_state(job, "succeeded")
     for spec in (service.job(job)["spec"], service.get(f"/v1/jobs/{job}/results/report.json").json["spec"]):
         found = spec["surface"]["mesh"]["interior"], spec["output"]["preview"]["compression"]
-        assert found == {"d10413d0": ("keep", "none"), "ef072324": ("auto", "zip"), 
+        assert found == {"d10413d0": ("keep", "none"), "ef072324": ("auto", "zip"),
                          "7218b1f7": ("auto", "zip")}[request.node.callspec.params["upgraded"]]
+
+
+
+@pytest.mark.parametrize("upgraded", ["7218b1f7"], indirect=True)
+def test_a_waiting_job_with_a_removed_member_fails_with_what_replaces_it(upgraded):
+    service, earlier = upgraded
+    job = service.wait_state(earlier["waits with a removed member"]["id"], "failed")
+    assert job["error"]["code"] == "spec_invalid" and "/sampling/time_s: was removed: give count" in job["error"]["message"], job["error"]
 
 
 def test_no_result_of_an_earlier_build_is_reused(upgraded, request):

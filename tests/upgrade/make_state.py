@@ -77,6 +77,7 @@ def fill(service, inputs):
     service.submit(mesh("waits with a sent file", sent, sampling={"count": 70}, queue={"priority": -5}))
     service.submit(mesh("waits, equal to sent", sent, queue={"depends_on": [runs]}))
     service.submit(mesh("waits with defaults", sent, output={"preview": {"size": [64, 64]}}))
+    service.submit({**ball("waits with a removed member", 1), "sampling": {"time_s": 5}})
     service.submit(mesh("waiting frames", "grows.####.off", queue={"frames": "1-2"}))
     service.post(f"/v1/jobs/{service.submit(ball('paused', 4))}/pause")
     service.post(f"/v1/jobs/{service.submit(ball('cancelled', 5))}/cancel")
