@@ -263,9 +263,9 @@ typedef struct spec {
     double density; /* points per unit of area */
     bool has_control;
     spec_control control;
-    char *attach;  /* points.ply of a result whose points are placed on the surface's meshes; NULL: the
+    char *attach; /* points.ply of a result whose points are placed on the surface's meshes; NULL: the
                     * surface is sampled */
-    bool resolve;  /* as many points as the features require */
+    bool resolve; /* as many points as the features require */
     spec_pattern pattern;
     bool has_feature;
     spec_feature feature; /* excluded by the rules for spacing, curvature and grid */
