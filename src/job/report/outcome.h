@@ -26,8 +26,8 @@ extern const char *const outcome_names[OUTCOME_KINDS];
 typedef struct outcome_input {
     const measures *measures; /* of the delivered points */
     bool stopped;             /* the solve ended before it had converged */
-    double rms_step;  /* of its last sweep, in spacings */
-    double step_left; /* of the delivered points, in spacings; NAN: unknown */
+    double rms_step;          /* of its last sweep, in spacings */
+    double step_left;         /* of the delivered points, in spacings; NAN: unknown */
     double step_tolerance;
     bool is_blue_noise;          /* least distance and coverage have the bounds of that pattern */
     double gain, gain_tolerance; /* largest relative decrease of energy that one point can still achieve */

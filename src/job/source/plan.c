@@ -62,8 +62,8 @@ bool plan_repairs_defects(const spec *s)
     const bool has_patches =
         s->surface.kind == SPEC_SURFACE_LABELS || s->surface.mesh.has_features || s->features;
     const bool may = has_patches && !spec_is_graded(s) && !s->resolve;
-    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent &&
-           s->method == SPEC_METHOD_SIZED && !((double)s->count > REPAIRED_MAX);
+    return (may || (s->has_curvature && !s->has_feature)) && !s->coherent && s->method == SPEC_METHOD_SIZED &&
+           !((double)s->count > REPAIRED_MAX);
 }
 
 double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
