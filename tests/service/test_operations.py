@@ -196,6 +196,9 @@ class Story:
         wait_until(lambda: self.host.state_of(self.waiting) == "succeeded", "the job to run")
         self.back_up()
 
+    def after_damaged_files(self, shown):
+        assert not shown  # test_damaged_files.py damages files
+
     def after_results_that_were_not_delivered(self, shown):
         assert not shown  # test_isolation.py delivers a result again
 
