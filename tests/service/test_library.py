@@ -71,6 +71,8 @@ QUADS = (numpy.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)]
          [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 HOUSE = ([(0, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 2), (0, 0, 1), (0, 3, 0), (2, 3, 0), (2, 3, 1), (1, 3, 2), (0, 3, 1)],
          [[0, 1, 2, 3, 4], [9, 8, 7, 6, 5], [1, 0, 5, 6], [2, 1, 6, 7], [3, 2, 7, 8], [4, 3, 8, 9], [0, 4, 9, 5]])
+OCTAHEDRON = ([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
+              [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
 BALL = ball(1, 2)
 OPEN = (BALL.vertices, BALL.triangles[BALL.vertices[BALL.triangles].mean(1)[:, 2] < 0.5])
 TORUS = {"shape": "torus", "major_radius": 1, "minor_radius": 0.4}
@@ -180,6 +182,13 @@ def test_function_and_worker_return_the_same_bytes(build, tmp_path, name):
         assert numpy.array_equal(points.triangles, expected["triangle"])
     assert points.outcome == report["outcome"]
     assert points.report["count"] == len(points.positions) and points.report["inputs"] == []
+
+
+def test_parts_of_a_combination_have_no_more_voxels_than_few_points_show():
+    """Two octahedra, one in the other."""
+    surface = {"union": [{"mesh": {"path": (scale * numpy.array(OCTAHEDRON[0]), OCTAHEDRON[1])}} for scale in (1, 0.4)]}
+    parts = hexad.sample({"surface": surface, "sampling": {"count": 60}}).report["surface"]["parts"]
+    assert [part["mesh"]["resolution"] for part in parts] == [80, 80]
 
 
 def test_a_map_in_an_array_grades_the_spacing():

@@ -32,6 +32,10 @@ static const double BEYOND_LOW = 0.0317, BEYOND_HIGH = 0.0456;
  * another one, whose cells become as small. */
 enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
+/* Voxels of a level set along the spacing of the points, if it is a part of a combination, whose cells are as small as the
+ * smallest voxel of a part: 60 points on two octahedra took 14 s of CPU time with 256 voxels along the longest sides. */
+static const double VOXELS_PER_SPACING = 8;
+
 /* Checks that an uploaded file has the hash that is its name. */
 static bool check_upload(const source_input *input, error *e)
 {
@@ -345,6 +349,7 @@ static bool open_mesh(const spec_mesh *m, double offset, int fd, const source_ar
                                      .max_resolution = m->max_resolution,
                                      .spacing = plan_spacing(o->spec),
                                      .count = (double)o->spec->count / (double)o->leaves,
+                                     .per_spacing = o->leaves > 1 ? VOXELS_PER_SPACING : 0,
                                      .least = volume_mesh_least_voxel(offset),
                                      .memory_limit = memory_left(o),
                                      .point_bytes = plan_bytes(o->spec, (plan_particles){0}, 1)},

@@ -3,7 +3,8 @@
  * of the mesh.
  *
  * The first size is the usual number of voxels along the longest side, or the spacing if that is smaller:
- * creases are rounded over a voxel, and the points must not resolve this. It is reduced if thin parts are not
+ * creases are rounded over a voxel, and the points must not resolve this. Parts of a combination have fewer voxels
+ * if they get few points. It is reduced if thin parts are not
  * represented. Memory and a maximum number along the longest side bound it. Pure functions.
  */
 #ifndef HEXAD_SURFACE_VOLUME_VOXEL_SIZE_H
@@ -14,12 +15,14 @@
 #include "geometry/mesh/mesh.h"
 
 typedef struct voxel_size_request {
-    double voxel_size;   /* world units; 0: from the resolution */
-    int resolution;      /* voxels along the longest side; 0 and no voxel size: chosen here */
-    int max_resolution;  /* maximum of a chosen resolution */
-    double spacing;      /* of the points, world units; 0: follows from the count */
-    double count;        /* of the points; 0: the spacing alone counts */
-    double least;        /* minimum voxel size, world units */
+    double voxel_size;  /* world units; 0: from the resolution */
+    int resolution;     /* voxels along the longest side; 0 and no voxel size: chosen here */
+    int max_resolution; /* maximum of a chosen resolution */
+    double spacing;     /* of the points, world units; 0: follows from the count */
+    double count;       /* of the points; 0: the spacing alone counts */
+    double
+        per_spacing; /* voxels along the spacing that suffice, for few points; 0: the usual number of voxels */
+    double least;    /* minimum voxel size, world units */
     size_t memory_limit; /* for points and surface, bytes */
     double point_bytes;  /* bytes per point */
 } voxel_size_request;
