@@ -20,6 +20,7 @@
 
 #include "base/core/child_environment.h"
 #include "base/core/frames.h"
+#include "base/core/clock.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "library/call.h"
@@ -269,16 +270,30 @@ static void read_progress(child *c)
     if (c->length == sizeof c->line) c->length = 0;
 }
 
-/* Waits until the child returns its result or has ended. */
-static void wait_for_result(hexad_job *job, child *c)
+typedef struct waiting {
+    hexad_job *job;
+    child *child;
+    int64_t told_ms; /* of the last call of the progress function */
+    bool has_data;
+} waiting;
+
+/* Waits until the child returns a part of its result or has ended. False: the job is cancelled while it does. */
+static bool wait_for_data(void *context)
 {
+    waiting *w = context;
+    child *c = w->child;
     for (;;) {
         struct pollfd ends[2] = {{c->arrays, POLLIN, 0}, {c->progress, POLLIN, 0}};
-        const int ready = poll(ends, 2, job->progress ? CALL_TICK_MS : -1);
-        if (ready < 0 && errno != EINTR) return;
-        if (ready > 0 && ends[0].revents) return;
+        const int ready = poll(ends, 2, w->job->progress ? CALL_TICK_MS : -1);
         if (ready > 0 && ends[1].revents) read_progress(c);
-        if (!call_report_progress(job, c->phase, c->fraction)) cancel(c);
+        if (clock_monotonic_ms() - w->told_ms >= CALL_TICK_MS) {
+            w->told_ms = clock_monotonic_ms();
+            if (!call_report_progress(w->job, c->phase, c->fraction)) cancel(c);
+            if (c->is_cancelled && w->has_data) return false;
+        }
+        if (ready < 0 && errno != EINTR) return true; /* reading fails, too */
+        w->has_data |= ready > 0 && ends[0].revents;
+        if (ready > 0 && ends[0].revents) return true;
     }
 }
 
@@ -302,8 +317,8 @@ bool call_in_child(hexad_job *job, const json *document, const spec *s, error *e
     child c;
     if (job->root_count == 0 && !check_files(s, e)) return false;
     if (!start(job, document, s, &c, e)) return false;
-    wait_for_result(job, &c);
-    const bool ok = result_arrays_read(c.arrays, &job->results, e);
+    waiting w = {.job = job, .child = &c};
+    const bool ok = result_arrays_read(c.arrays, wait_for_data, &w, &job->results, e);
     end(&c);
     return ok;
 }

@@ -151,11 +151,20 @@ static bool put(int fd, const void *from, size_t bytes)
     return true;
 }
 
-static bool get(int fd, void *to, size_t bytes)
+/* The other end, as result_arrays_read gets it. */
+typedef struct reading {
+    int fd;
+    result_arrays_wait *wait;
+    void *context;
+    error error;
+} reading;
+
+static bool get(reading *r, void *to, size_t bytes)
 {
     char *p = to;
     while (bytes > 0) {
-        const ssize_t n = read(fd, p, bytes);
+        if (!r->wait(r->context)) return error_set(&r->error, ERROR_CANCELLED, "the job was cancelled");
+        const ssize_t n = read(r->fd, p, bytes);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) return false;
         p += n;
@@ -187,32 +196,32 @@ bool result_arrays_write(const result_arrays *r, const error *why, int fd, error
     return ok || error_set(e, ERROR_INTERNAL, "cannot return the arrays: %s", strerror(errno));
 }
 
-static bool get_array(int fd, result_arrays *out, error *e)
+static bool get_array(reading *r, result_arrays *out)
 {
     array_head head;
-    if (!get(fd, &head, sizeof head) || !memchr(head.name, 0, sizeof head.name) || head.type >= NUMBER_TYPES)
+    if (!get(r, &head, sizeof head) || !memchr(head.name, 0, sizeof head.name) || head.type >= NUMBER_TYPES)
         return false;
-    void *data = add(out, head.name, (number_type)head.type, head.rows, head.components, e);
-    return data && get(fd, data, bytes_of(&out->item[out->count - 1]));
+    void *data = add(out, head.name, (number_type)head.type, head.rows, head.components, &r->error);
+    return data && get(r, data, bytes_of(&out->item[out->count - 1]));
 }
 
-bool result_arrays_read(int fd, result_arrays *out, error *e)
+bool result_arrays_read(int fd, result_arrays_wait *wait, void *context, result_arrays *out, error *e)
 {
     stream_head head;
-    error why = {0};
+    reading r = {.fd = fd, .wait = wait, .context = context};
     *out = (result_arrays){0};
-    bool ok = get(fd, &head, sizeof head) && head.magic == MAGIC && head.code < ERROR_CODE_COUNT;
-    for (uint32_t k = 0; ok && k < head.arrays; k++) ok = get_array(fd, out, &why);
-    char *text = ok ? mem_array(1, head.text + 1, what, &why) : NULL;
-    ok = text && get(fd, text, head.text);
+    bool ok = get(&r, &head, sizeof head) && head.magic == MAGIC && head.code < ERROR_CODE_COUNT;
+    for (uint32_t k = 0; ok && k < head.arrays; k++) ok = get_array(&r, out);
+    char *text = ok ? mem_array(1, head.text + 1, what, &r.error) : NULL;
+    ok = text && get(&r, text, head.text);
     if (ok && head.code == ERROR_NONE) {
         out->report = text;
         return true;
     }
     if (ok)
         error_set(e, (error_code)head.code, "%s", text);
-    else if (why.code != ERROR_NONE)
-        error_set(e, why.code, "%s", why.message);
+    else if (r.error.code != ERROR_NONE)
+        error_set(e, r.error.code, "%s", r.error.message);
     else
         error_set(e, ERROR_INTERNAL, "the worker ended before it had returned all arrays");
     free(text);

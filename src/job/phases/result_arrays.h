@@ -30,8 +30,11 @@ void result_arrays_free(result_arrays *r); /* accepts a zeroed object */
 /* Writes arrays and report, or (`why` not NULL) the error of the job. Error: internal (the other end is closed). */
 bool result_arrays_write(const result_arrays *r, const error *why, int fd, error *e);
 
-/* Reads what result_arrays_write wrote. Free *out after failure, too. Errors: the one that was written; internal (the
- * other process ended before it had written all), limit_memory. */
-bool result_arrays_read(int fd, result_arrays *out, error *e);
+/* Waits until the descriptor can be read. False: stop. */
+typedef bool result_arrays_wait(void *context);
+
+/* Reads what result_arrays_write wrote; calls `wait` before each part. Free *out after failure, too. Errors: the one that
+ * was written; internal (the other process ended before it had written all), limit_memory, cancelled (by `wait`). */
+bool result_arrays_read(int fd, result_arrays_wait *wait, void *context, result_arrays *out, error *e);
 
 #endif
