@@ -651,7 +651,8 @@ static measures_input measures_input_of(const job *j, const solution *s, const s
                             .copy_point = stands->point,
                             .copy_patch = stands->patch,
                             .copy_flags = stands->flags,
-                            .patch_labels = (const uint32_t(*)[2])on->patch_labels};
+                            .patch_labels = (const uint32_t(*)[2])on->patch_labels,
+                            .piece_euler = on->euler};
 }
 
 bool job_measure(job *j, solution *s, error *e)
@@ -661,7 +662,8 @@ bool job_measure(job *j, solution *s, error *e)
     measured_surface on = {0};
     given_walls walls;
     bool ok = given_points_walls(&j->given, &j->source, p->count, &stands, &walls, e) &&
-              measured_surface_open(&j->source, j->scan, &on, e);
+              measured_surface_open(&j->source, j->scan, &on, e) &&
+              measured_surface_find_euler(&on, j->pool, e);
     if (ok) {
         s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
         s->farthest = mem_array(on.facets.patch_count, sizeof *s->farthest, "the result", e);
@@ -689,7 +691,7 @@ bool job_weigh(job *j, const solution *s, error *e)
     bool ok = given_points_walls(&j->given, &j->source, p->count, &stands, &walls, e) &&
               measured_surface_open(&j->source, j->scan, &on, e);
     const measures_input cells = measures_input_of(j, s, &stands, &on);
-    const weights_input in = {j->spec, &j->source, p, &s->measures, &cells};
+    const weights_input in = {j->spec, &j->source, p, &s->measures, j->scan->area, &cells};
     ok = ok && weights_find(&in, j->pool, &j->weights, e);
     measured_surface_close(&on);
     given_walls_free(&walls);

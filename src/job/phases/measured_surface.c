@@ -2,9 +2,12 @@
 #include "job/phases/measured_surface.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/core/memory.h"
 #include "base/core/sets.h"
+#include "geometry/mesh/mesh_euler.h"
+#include "geometry/mesh/mesh_weld.h"
 #include "surface/field/patches.h"
 
 static const char what[] = "the measures of the surface";
@@ -38,6 +41,8 @@ static bool use_patches(const mesh_patches *p, const field_patches *of, measured
                                  .triangle = (const uint32_t(*)[3])p->m.triangle,
                                  .patch_first = p->first,
                                  .patch_count = p->count};
+    out->mesh = &p->m;
+    out->patches = of;
     if (!find_patch_pieces(of, &out->patch_piece, e)) return false;
     out->facets.patch_piece = out->patch_piece;
     return true;
@@ -74,6 +79,7 @@ static bool use_faces(const mesh_faces *faces, measured_surface *out, error *e)
     for (size_t k = 0; k < m->vertex_count; k++) out->vertex[k] = mesh_faces_to_world(faces, m->vertex[k]);
     in.patch_piece = one_piece;
     out->facets = in;
+    out->mesh = m;
     out->own_normals = true;
     out->lost_places = 0;
     return true;
@@ -91,14 +97,110 @@ bool measured_surface_open(const source *s, const surface *scan, measured_surfac
     out->lost_places = source_thin_places(s, &out->lost_place);
     if (faces) return use_faces(faces, out, e);
     if (!f->patches) return true;
+    out->patches = f->patches;
     out->facets.patch_count = f->patches->count;
     if (!find_patch_pieces(f->patches, &out->patch_piece, e)) return false;
     out->facets.patch_piece = out->patch_piece;
     return true;
 }
 
+/* ---- the Euler characteristic of each piece */
+
+static size_t count_pieces(const measured_surface *m)
+{
+    size_t count = m->mesh || m->patches ? 1 : m->facets.scan->parts.count;
+    for (size_t p = 0; m->patches && p < m->patches->count; p++)
+        count = m->patch_piece[p] + 1 > count ? m->patch_piece[p] + 1 : count;
+    return count;
+}
+
+static bool add_mesh(const measured_surface *m, threads *pool, double *euler, error *e)
+{
+    uint32_t *piece = m->patches ? mem_array(m->mesh->triangle_count, sizeof *piece, what, e) : NULL;
+    bool ok = piece || !m->patches;
+    for (size_t p = 0; piece && p < m->patches->count; p++)
+        for (size_t t = m->facets.patch_first[p]; t < m->facets.patch_first[p + 1]; t++)
+            piece[t] = m->patch_piece[p];
+    ok = ok && mesh_euler_add(m->mesh, piece, !m->patches, pool, euler, e);
+    free(piece);
+    return ok;
+}
+
+/* Adds the triangles of the scan's cells of patch p. */
+static bool add_patch(const measured_surface *m, size_t p, threads *pool, double *euler, error *e)
+{
+    const surface *scan = m->facets.scan;
+    const size_t begin = scan->parts.begin[p], end = scan->parts.begin[p + 1],
+                 room = FIELD_CELL_TRIANGLES * (end - begin);
+    vec3 t[FIELD_CELL_TRIANGLES][3];
+    mesh of = {.vertex = mem_array(3 * room, sizeof *of.vertex, what, e)};
+    of.triangle = of.vertex ? mem_array(room, sizeof *of.triangle, what, e) : NULL;
+    for (size_t k = begin; of.triangle && k < end; k++) {
+        const int count = surface_cell_triangles(scan, k, t);
+        for (int i = 0; i < count; i++, of.triangle_count++)
+            for (int c = 0; c < 3; c++) {
+                of.triangle[of.triangle_count][c] = (uint32_t)of.vertex_count;
+                of.vertex[of.vertex_count++] = t[i][c];
+            }
+    }
+    const bool ok = of.triangle && mesh_weld_vertices(&of, pool, e) &&
+                    mesh_euler_add(&of, NULL, false, pool, &euler[m->patch_piece[p]], e);
+    mesh_free(&of);
+    return ok;
+}
+
+/* An end of a curve, and the piece on which it lies. */
+typedef struct curve_end {
+    vec3 at;
+    uint32_t piece;
+} curve_end;
+
+static int compare_ends(const void *a, const void *b)
+{
+    const curve_end *p = a, *q = b;
+    return p->piece != q->piece ? (p->piece > q->piece) - (p->piece < q->piece)
+                                : memcmp(&p->at, &q->at, sizeof p->at);
+}
+
+/* Adds the curves: a closed one has no part in the characteristic, others have a corner at each end, which they share. */
+static bool add_curves(const measured_surface *m, double *euler, error *e)
+{
+    const field_patches *p = m->patches;
+    curve_end *end = mem_array(2 * p->curve_count + 1, sizeof *end, what, e);
+    size_t ends = 0;
+    for (size_t k = 0; end && k < p->curve_count; k++) {
+        const field_curve *c = &p->curve[k];
+        const uint32_t piece = m->patch_piece[p->curve_patch[c->patch_first]];
+        if (c->closed) continue;
+        euler[piece]--;
+        end[ends++] = (curve_end){p->vertex[c->first], piece};
+        end[ends++] = (curve_end){p->vertex[c->first + c->count - 1], piece};
+    }
+    if (ends > 0) qsort(end, ends, sizeof *end, compare_ends);
+    for (size_t k = 0; k < ends; k++)
+        if (k == 0 || compare_ends(&end[k - 1], &end[k]) != 0) euler[end[k].piece]++;
+    free(end);
+    return end != NULL;
+}
+
+bool measured_surface_find_euler(measured_surface *m, threads *pool, error *e)
+{
+    const size_t pieces = count_pieces(m);
+    double *euler = m->euler = mem_array(pieces, sizeof *euler, what, e);
+    bool ok = euler != NULL;
+    if (!ok) return false;
+    if (!m->mesh && !m->patches) {
+        memcpy(euler, m->facets.scan->euler, pieces * sizeof *euler);
+        return true;
+    }
+    if (m->mesh) ok = add_mesh(m, pool, euler, e);
+    for (size_t p = 0; ok && !m->mesh && p < m->patches->count; p++) ok = add_patch(m, p, pool, euler, e);
+    return ok && (!m->patches || add_curves(m, euler, e));
+}
+
 void measured_surface_close(measured_surface *m)
 {
+    free(m->euler);
     free(m->patch_piece);
     free(m->patch_labels);
     free(m->vertex);

@@ -19,12 +19,19 @@ typedef struct measured_surface {
     /* for a mesh that is measured on its level set: places that the level set does not represent */
     const vec3 *lost_place;
     size_t lost_places;
-    vec3 *vertex; /* vertices in world units, if the mesh has another unit; otherwise NULL */
+    vec3 *vertex;                 /* vertices in world units, if the mesh has another unit; otherwise NULL */
+    const mesh *mesh;             /* the triangles; NULL: the surface is measured on its scan */
+    const field_patches *patches; /* of facets.patch_piece, if there are several pieces; otherwise NULL */
+    double *euler; /* of each piece, after measured_surface_find_euler; NAN: it cannot be determined */
 } measured_surface;
 
 /* Refers to the source and the scan, which outlive *out. Close *out also after failure. Error:
  * limit_memory. */
 bool measured_surface_open(const source *s, const surface *scan, measured_surface *out, error *e);
+
+/* Sets the Euler characteristic of each piece: of triangles, vertices minus edges plus triangles; of a scan, by the signs
+ * of F at the corners of its cells. Errors: limit_memory, cancelled. */
+bool measured_surface_find_euler(measured_surface *m, threads *pool, error *e);
 void measured_surface_close(measured_surface *m); /* accepts a zeroed object */
 
 #endif

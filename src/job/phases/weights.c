@@ -27,9 +27,30 @@ static const char *obstacle(const weights_input *in)
                                                                                       : NULL;
 }
 
-/* Sets the weights of high order, or a word for why there are none. */
-static bool take_high_order(const solver_points *p, threads *pool, weights *w, error *e)
+/* Maximum sum of the magnitudes of weights of high order over their sum. Errors of values grow by this factor. */
+static const double MOST_MAGNITUDE = 1.5;
+/* Relative error of the area of a scan. */
+static const double AREA_ACCURACY = 1e-5;
+
+/* Word for why weights of high order are worse than areas of cells; NULL: they are not. `cells`: the sum of the cells
+ * as they are measured, before they are multiplied by factors. */
+static const char *shortcoming(const double *weight, size_t count, double area, double cells)
 {
+    double sum = 0, magnitude = 0;
+    for (size_t i = 0; i < count; i++) {
+        sum += weight[i];
+        magnitude += fabs(weight[i]);
+    }
+    return !(magnitude <= MOST_MAGNITUDE * sum)                                ? "unstable"
+           : fabs(sum - area) > fmax(fabs(cells - area), AREA_ACCURACY * area) ? "area"
+                                                                               : NULL;
+}
+
+/* Sets the weights of high order, or a word for why there are none. */
+static bool take_high_order(const weights_input *of, threads *pool, weights *w, error *e)
+{
+    const solver_points *p = of->points;
+    const measures *m = of->measures;
     static const char *const reasons[] = {[QUADRATURE_COMPLETE] = NULL,
                                           [QUADRATURE_FEW_NODES] = "few_nodes",
                                           [QUADRATURE_SINGULAR] = "singular"};
@@ -47,6 +68,8 @@ static bool take_high_order(const solver_points *p, threads *pool, weights *w, e
         ok = quadrature_make(&in, pool, w->value, &w->lower_area, &end, e);
         threads_narrow(pool, narrow);
         w->reason = reasons[end];
+        if (ok && !w->reason)
+            w->reason = shortcoming(w->value, p->count, of->area - m->area_without_points, m->cell_area);
     }
     triangulation_free(&made);
     return ok;
@@ -87,7 +110,7 @@ bool weights_find(const weights_input *in, threads *pool, weights *out, error *e
     weights w = {.reason = obstacle(in),
                  .value = mem_array(p->count, sizeof *w.value, what, e),
                  .area_without_points = in->measures->area_without_points};
-    const bool ok = w.value && (w.reason || take_high_order(p, pool, &w, e)) &&
+    const bool ok = w.value && (w.reason || take_high_order(in, pool, &w, e)) &&
                     (!w.reason || take_cells(in->cells, pool, &w, e)) &&
                     sum_up(in->source->field->patches, p, &w, e);
     weights_free(out);
@@ -104,6 +127,9 @@ static void warn_of_points(const weights *w, json *report)
         {"few_nodes", "the surface bends too much between the points, or a piece of it has too few points"},
         {"triangulation", "the triangles between the points do not form a closed surface"},
         {"singular", "points around a triangle do not determine them"},
+        {"unstable",
+         "the points are so unevenly spread that the magnitudes of weights would exceed their sum by half"},
+        {"area", "their sum would differ from the area by more than that of the cells"},
     };
     json *warnings = json_find(report, "/surface/warnings");
     for (size_t k = 0; w->reason && warnings && k < sizeof rows / sizeof *rows; k++) {

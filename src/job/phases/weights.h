@@ -30,6 +30,7 @@ typedef struct weights_input {
     const source *source;
     const solver_points *points;
     const measures *measures;    /* of the points */
+    double area;                 /* of the surface */
     const measures_input *cells; /* input of the measures */
 } weights_input;
 

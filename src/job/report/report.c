@@ -202,10 +202,12 @@ static void put_quality(json *report, const report_facts *facts)
     json *object = json_put_object(report, "quality");
     json_put_number(object, "hex_fraction", m->hex_fraction);
     json_put_number(object, "edge_cv", m->edge_cv);
+    json_put_number(object, "edge_skipped_share", m->edge_skipped_share);
     json_put_number(object, "area_cv", m->area_cv);
     json_put_number(object, "energy_excess", m->energy_excess);
     json_put_number(object, "disorder", m->disorder);
     json_put_number(object, "defect_share", m->defect_share);
+    json_put_string(object, "defect_share_reason", isnan(m->defect_share) ? "between_samples" : NULL);
     json_put_number(object, "min_spacing_ratio", m->min_spacing_ratio);
     json_put_number(object, "close_share", m->close_share);
     json_put_integer(object, "coincident", (int64_t)m->coincident);

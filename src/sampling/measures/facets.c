@@ -694,6 +694,13 @@ size_t facets_nearest(const facets *f, vec3 x)
     return s.found;
 }
 
+double facets_distance(const facets *f, vec3 x)
+{
+    item_search s = search_at(f, x);
+    search_nodes(&s);
+    return s.nearest;
+}
+
 /* ---- pieces of points on a scan with several pieces */
 
 /* The cells of a scan, by their middles. */

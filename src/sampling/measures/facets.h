@@ -113,6 +113,9 @@ vec3 facets_middle(const facets *f, uint32_t patch, vec3 a, vec3 b);
 /* The place in the order of the item whose triangles are nearest to x. */
 size_t facets_nearest(const facets *f, vec3 x);
 
+/* The distance of x from the nearest triangle of the hierarchy, which is not empty. */
+double facets_distance(const facets *f, vec3 x);
+
 /* Finds for each place of a scan the piece of the nearest triangle, without a hierarchy. Errors: limit_memory,
  * cancelled. */
 bool facets_find_pieces(const facets *f, const vec3 *x, size_t count, threads *pool, uint32_t *piece,

@@ -26,6 +26,8 @@ static const double EVEN_REQUEST = 1.05;
 /* A point has an ideal degree if the angle of the surface, in units of 60 degrees, differs from an integer
  * by at most this. */
 static const double NEAR_INTEGER = 0.2;
+/* Pieces of unknown Euler characteristic are left out of the defects if they have at most this fraction of the points. */
+static const double UNKNOWN_SHARE = 0.005;
 /* A perfect packing whose spacing increases by g per unit of distance is the image of a lattice under the
  * exponential map. Its cells are larger than requested by the fraction GROWTH_CELL g^2, and its energies by
  * GROWTH_ENERGY g^2. Accurate to 3 % up to g = GROWTH_MOST. */
@@ -325,22 +327,22 @@ static double missing_degree(const point_table *t, size_t i)
     return (is_on_border(t, i) ? 4 : 6) - (double)t->degree[i];
 }
 
-/* Counts, for each piece, the points that do not have the ideal degree, minus the number that the topology
- * of the piece requires. */
-static bool count_defects(const point_table *t, const bool *regular, size_t pieces, double *share, error *e)
+/* The share of points without the ideal degree beyond those that the topology of each piece requires. NAN: the Euler
+ * characteristic is unknown for pieces with more than UNKNOWN_SHARE of the points. */
+static bool count_defects(const point_table *t, const bool *regular, const double *euler, size_t pieces,
+                          double *share, error *e)
 {
-    double *irregular = mem_array(pieces, sizeof *irregular, what, e),
-           *missing = mem_array(pieces, sizeof *missing, what, e);
-    const bool ok = irregular && missing;
-    double sum = 0;
-    for (size_t i = 0; ok && i < t->count; i++) {
-        irregular[piece_of(t, i)] += !regular[i];
-        missing[piece_of(t, i)] += missing_degree(t, i);
+    double *irregular = mem_array(pieces, sizeof *irregular, what, e), beyond = 0, unknown = 0;
+    for (size_t i = 0; irregular && i < t->count; i++) {
+        const uint32_t p = piece_of(t, i);
+        irregular[p] += !regular[i];
+        unknown += !euler || isnan(euler[p]);
     }
-    for (size_t p = 0; ok && p < pieces; p++) sum += fmax(irregular[p] - fabs(missing[p]), 0);
-    *share = sum / (double)t->count;
+    for (size_t p = 0; irregular && euler && p < pieces; p++)
+        if (!isnan(euler[p])) beyond += fmax(irregular[p] - 6 * fabs(euler[p]), 0);
+    *share = unknown <= UNKNOWN_SHARE * (double)t->count ? beyond / (double)t->count : NAN;
+    const bool ok = irregular != NULL;
     free(irregular);
-    free(missing);
     return ok;
 }
 
@@ -372,32 +374,43 @@ static void count_grading(slope *s, double requested, double local)
 
 /* Sums over the Voronoi cells. */
 typedef struct cell_sums {
-    moments edge; /* minus 1 */
+    moments edge;   /* minus 1 */
+    double skipped; /* number of pairs that `edge` leaves out */
     moments area, ratio;
     slope grading;
     double regular, degrees, turn, unmeasured;
     double straight; /* areas of the cells with straight sides, over h^2 and the share of the angle */
 } cell_sums;
 
+static bool is_across_fold(const measures_input *in, const facets *f, const voronoi_side *s, double mean)
+{
+    const vec3 middle = vec3_scale(vec3_add(in->position[s->a], in->position[s->b]), 0.5);
+    return s->middle > VORONOI_FOLD && facets_distance(f, middle) > VORONOI_FOLD * mean;
+}
+
 /* Adds a side for each of its points whose cell is not certain: certain cells have their own sums, to which each
  * side adds half. */
-static void add_side(const measures_input *in, const voronoi_side *s, const voronoi_cells *c,
+static void add_side(const measures_input *in, const facets *f, const voronoi_side *s, const voronoi_cells *c,
                      const point_table *t, cell_sums *out)
 {
     const double distance = vec3_norm(vec3_sub(in->position[s->a], in->position[s->b])),
-                 edge = distance / (0.5 * (t->spacing[s->a] + t->spacing[s->b])) - 1;
+                 mean = 0.5 * (t->spacing[s->a] + t->spacing[s->b]);
+    const bool skipped = is_across_fold(in, f, s, mean);
     const uint32_t end[2] = {s->a, s->b};
     for (int k = 0; k < 2; k++) {
         const uint32_t i = end[k];
         if (c->planar[i].certain) continue;
-        count_value(&out->edge, 0.5, edge);
+        if (skipped)
+            out->skipped += 0.5;
+        else
+            count_value(&out->edge, 0.5, distance / mean - 1);
         out->straight += 0.25 * distance * s->length / (t->spacing[i] * t->spacing[i] * share_of(t, i));
     }
 }
 
 /* Replaces the areas in `local` by local spacings. */
-static void sum_cells(const measures_input *in, const voronoi_cells *c, const point_table *t, double *local,
-                      bool *regular, cell_sums *out)
+static void sum_cells(const measures_input *in, const facets *f, const voronoi_cells *c, const point_table *t,
+                      double *local, bool *regular, cell_sums *out)
 {
     *out = (cell_sums){.grading = {.graded = is_graded(in->spacing, t->count)}};
     for (size_t i = 0; i < t->count; i++) {
@@ -418,7 +431,7 @@ static void sum_cells(const measures_input *in, const voronoi_cells *c, const po
         if (own->certain) out->straight += PLANAR_STRAIGHT + own->straight;
     }
     for (size_t k = 0; k < c->exact.side_count; k++)
-        if (is_side(&c->exact.side[k], t->spacing)) add_side(in, &c->exact.side[k], c, t, out);
+        if (is_side(&c->exact.side[k], t->spacing)) add_side(in, f, &c->exact.side[k], c, t, out);
 }
 
 /* The mean of the square of how much the requested spacing grows per distance: half of it along one
@@ -466,21 +479,22 @@ static void conclude_grading(const cell_sums *c, measures *out)
     out->grading_exponent = s->graded ? (s->xy - s->x * s->y / s->n) / (s->xx - s->x * s->x / s->n) : 1;
 }
 
-static bool conclude_cells(const measures_input *in, const voronoi_cells *v, const point_table *t,
-                           double *local, size_t pieces, measures *out, error *e)
+static bool conclude_cells(const measures_input *in, const facets *f, const voronoi_cells *v,
+                           const point_table *t, double *local, measures *out, error *e)
 {
     bool *regular = mem_array(t->count, sizeof *regular, what, e);
     cell_sums c;
     double growth2 = 0;
     if (!regular) return false;
-    sum_cells(in, v, t, local, regular, &c);
+    sum_cells(in, f, v, t, local, regular, &c);
     const double n = (double)t->count;
     const bool graded = !in->achieved && c.grading.graded;
-    const bool ok = count_defects(t, regular, pieces, &out->defect_share, e) &&
+    const bool ok = count_defects(t, regular, in->piece_euler, f->piece_count, &out->defect_share, e) &&
                     (!graded || mean_growth2(in, v, t, &growth2, e));
     free(regular);
     out->hex_fraction = c.regular / n;
     out->edge_cv = variation(&c.edge, 1);
+    out->edge_skipped_share = c.skipped / (c.edge.n + c.skipped);
     out->area_cv = variation(&c.area, 0);
     out->euler = c.degrees / 6;
     out->unmeasured_share = c.unmeasured / n;
@@ -619,6 +633,7 @@ static bool take(const measures_input *in, facets *f, threads *pool, point_table
     gather_sides(in, t);
     if (!find_odd(in, t, e) || !build_cells(in, f, pool, t, local, c, out, e)) return false;
     count_degrees(c, t);
+    for (size_t i = 0; i < in->count; i++) out->cell_area += c->area[i];
     for (size_t i = 0; in->out_piece && i < in->count; i++) in->out_piece[i] = piece_of(t, i);
     if (in->out_spacing) memcpy(in->out_spacing, t->spacing, in->count * sizeof *t->spacing);
     for (size_t i = 0; degree && i < in->count; i++) degree[i] = t->degree[i];
@@ -628,7 +643,7 @@ static bool take(const measures_input *in, facets *f, threads *pool, point_table
     for (size_t i = 0; t->has_odd && i < in->count; i++) energy += t->energy.odd[i] / (t->ideal[i] / 6);
     out->energy_excess = energy / (double)in->count - 1;
     if (in->out_weight && !set_weights(in, f, c, t, e)) return false;
-    return conclude_pieces(in, f, t, out, e) && conclude_cells(in, c, t, local, f->piece_count, out, e);
+    return conclude_pieces(in, f, t, out, e) && conclude_cells(in, f, c, t, local, out, e);
 }
 
 bool measures_take(const measures_input *in, threads *pool, double *local, double *degree, double *farthest,

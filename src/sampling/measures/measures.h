@@ -37,6 +37,7 @@ typedef struct measures_input {
     const uint32_t *copy_patch;        /* NULL: one patch */
     const uint8_t *copy_flags;         /* of point_flags.h; NULL: none */
     const uint32_t (*patch_labels)[2]; /* see sites.h; NULL: no labels */
+    const double *piece_euler; /* Euler characteristic of each piece, NAN: unknown; NULL: all are unknown */
     /* Every cell is computed from the surface's triangles; otherwise only those that do not follow from the
      * points alone with certainty (planar_cells.h). */
     bool exact;
@@ -53,6 +54,7 @@ typedef struct measures_input {
 typedef struct measures {
     double certain_share; /* of the points: their cells follow from the points alone */
     double hex_fraction, edge_cv, area_cv;
+    double edge_skipped_share; /* of the pairs of neighbours: across a fold, without part in edge_cv */
     double energy_excess, disorder;
     double min_spacing_ratio, close_share;
     size_t coincident;
@@ -60,6 +62,7 @@ typedef struct measures {
     size_t parts_without_points;
     double empty_area_share;    /* fraction of the area in pieces without points */
     double area_without_points; /* area of all pieces without points, also of those too small for one */
+    double cell_area;           /* of all cells, world units squared */
     double unmeasured_share, defect_share;
     size_t thin_count; /* points with a point on an opposite wall nearer than 1.2 spacings */
     /* at most MEASURES_THIN_SHARE of the points would be on such walls if the spacing were multiplied by

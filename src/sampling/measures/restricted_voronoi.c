@@ -153,8 +153,20 @@ static bool is_done(const planar_cell *known, uint32_t site)
     return known && (known[site].certain || known[site].measured);
 }
 
+/* The distance of a line from the middle of the straight line between a site and the one behind; see voronoi_side. The
+ * ends of the line are relative to the site. */
+static float distance_of_middle(const sites *s, uint32_t site, uint32_t behind, vec3 from, vec3 to)
+{
+    const vec3 half = vec3_scale(vec3_sub(s->position[behind], s->position[site]), 0.5),
+               along = vec3_sub(to, from), towards = vec3_sub(half, from);
+    const double mean = 0.5 * (s->spacing[site] + s->spacing[behind]), length2 = vec3_norm2(along);
+    if (4 * vec3_norm2(half) <= VORONOI_FOLD_LINE * VORONOI_FOLD_LINE * mean * mean) return 0;
+    const double t = length2 > 0 ? fmin(fmax(vec3_dot(towards, along) / length2, 0), 1) : 0;
+    return (float)(vec3_norm(vec3_axpy(-t, along, towards)) / mean);
+}
+
 /* Adds a side of the cell of `site`, unless it is added for the cell behind it. */
-static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
+static bool add_side(descent *d, uint32_t site, uint32_t behind, double length, float middle)
 {
     task *t = d->to;
     if (d->known && d->known[behind].measured) return true;
@@ -163,7 +175,7 @@ static bool add_side(descent *d, uint32_t site, uint32_t behind, double length)
     voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
     if (!grown) return fail(t);
     t->side = grown;
-    t->side[t->side_count++] = (voronoi_side){a, b, length};
+    t->side[t->side_count++] = (voronoi_side){a, b, length, middle};
     return true;
 }
 
@@ -472,7 +484,8 @@ static bool clip_cell(descent *d, const part *t, size_t base, size_t count, size
     for (int k = 0; k < p.count; k++) {
         if (p.behind[k] == NO_SITE) continue;
         const vec3 from = p.corner[k], to = p.corner[k + 1 < p.count ? k + 1 : 0];
-        if (!add_side(d, site, p.behind[k], stretch * vec3_norm(vec3_sub(to, from))) ||
+        if (!add_side(d, site, p.behind[k], stretch * vec3_norm(vec3_sub(to, from)),
+                      distance_of_middle(d->s, site, p.behind[k], from, to)) ||
             !check_certain(d, p.behind[k], fmax(vec3_norm2(from), vec3_norm2(to)), site))
             return false;
     }
@@ -1053,10 +1066,11 @@ static bool table_add(side_table *t, const voronoi_side *s, error *e)
     }
     voronoi_side *to = table_find(t, s->a, s->b);
     if (to->b == 0) {
-        *to = (voronoi_side){s->a, s->b, 0};
+        *to = (voronoi_side){s->a, s->b, 0, INFINITY};
         t->count++;
     }
     to->length += s->length;
+    to->middle = s->middle < to->middle ? s->middle : to->middle;
     return true;
 }
 

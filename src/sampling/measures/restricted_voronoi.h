@@ -16,10 +16,18 @@
 #include "sampling/measures/planar_cells.h"
 #include "sampling/measures/sites.h"
 
+/* Neighbours are across a fold if the middle of the straight line between them is farther from the surface than this
+ * fraction of the mean of their spacings. That of a line no longer than VORONOI_FOLD_LINE spacings is not. */
+#define VORONOI_FOLD 0.5
+#define VORONOI_FOLD_LINE (2 * VORONOI_FOLD)
+
 /* Two cells that share a side. */
 typedef struct voronoi_side {
     uint32_t a, b; /* a < b */
     double length; /* of all sides that they share */
+    /* Distance of the side from the middle of the straight line between the points, in spacings; 0 if the line is no
+     * longer than VORONOI_FOLD_LINE spacings */
+    float middle;
 } voronoi_side;
 
 typedef struct restricted_voronoi {

@@ -9,6 +9,7 @@
 #include "surface/field/flat_cell.h"
 #include "surface/field/projection.h"
 #include "surface/scan/bent_areas.h"
+#include "surface/scan/cell_euler.h"
 #include "surface/scan/cell_parts.h"
 
 /* Cells in a chunk of work: whole groups. */
@@ -60,6 +61,9 @@ static const int SLIDE_STEPS = 4;
 static const double TINY = 1e-9;
 /* Triangles with less than this fraction of the area of a cell are not used to draw points. */
 static const double LITTLE = 0.1;
+/* Distance, in cells, from a face of the domain within which corners of triangles count as beyond it. It exceeds the
+ * rounding errors of corners in that face. */
+static const double BEYOND_END = 1e-6;
 /* Steps of surface_bisect, to a millionth of the distance. */
 enum { BISECT_STEPS = 20 };
 /* Maximum draws for a point of a triangle inside the domain; after that a point outside is accepted. */
@@ -388,6 +392,62 @@ typedef struct cell_group {
     size_t number[ROOT_GROUP_CELLS];     /* index of each of these cells */
 } cell_group;
 
+/* The surface in each cell by the signs of F. */
+typedef struct cell_signs {
+    int8_t table[256]; /* see cell_euler.h */
+    bbox within;       /* the part of the boundary box whose corners of triangles count */
+    int8_t *euler;     /* of each cell, or BETWEEN_CORNERS; NULL: cells consist of triangles */
+} cell_signs;
+
+/* Corners of cells that were found by following the surface are values of the spline, with this relative error: a sample
+ * of 0 must not be negative there. */
+static const double VALUE_ERROR = 1e-6;
+/* Value of a cell whose corners have one sign. */
+enum { BETWEEN_CORNERS = INT8_MIN };
+
+static bool prepare_signs(const field *f, size_t cells, cell_signs *out, error *e)
+{
+    cell_euler_fill(out->table);
+    out->within = bbox_grow(f->boundary_box, -BEYOND_END * f->cell_size);
+    out->euler = NULL;
+    if (f->ops->cell_triangles) return true;
+    out->euler = mem_array(cells, sizeof *out->euler, "the scan of the surface", e);
+    return out->euler != NULL;
+}
+
+static int8_t euler_of_cell(const field *f, const cell_signs *signs, const field_cell *cell)
+{
+    bool whole = true;
+    unsigned inside = 0;
+    double least = 0;
+    for (int c = 0; cell->hidden_crossing && c < FIELD_CELL_CORNERS; c++)
+        least = fmax(least, VALUE_ERROR * fabs(cell->value[c]));
+    for (int c = 0; c < FIELD_CELL_CORNERS; c++) {
+        inside |= (unsigned)(cell->value[c] < -least) << c;
+        whole &= !f->open || bbox_contains(signs->within, cell->corner[c]);
+    }
+    if (inside == 0 || inside == UINT8_MAX) return BETWEEN_CORNERS;
+    return whole ? signs->table[inside] : (int8_t)cell_euler_cut(cell, signs->within);
+}
+
+/* Sums up the Euler characteristic of each part of the surface. */
+static bool sum_euler(surface *s, const cell_signs *signs, error *e)
+{
+    const size_t whole[] = {0, s->cells}, *begin = s->parts.begin ? s->parts.begin : whole;
+    s->euler = mem_array(s->parts.count, sizeof *s->euler, "the scan of the surface", e);
+    for (size_t p = 0; s->euler && p < s->parts.count; p++) {
+        int64_t sum = 0;
+        bool seen = false;
+        for (size_t k = begin[p]; signs->euler && k < begin[p + 1]; k++) {
+            if (signs->euler[k] == BETWEEN_CORNERS) continue;
+            seen = true;
+            sum += signs->euler[k];
+        }
+        s->euler[p] = seen ? (double)sum / CELL_EULER_UNIT : NAN;
+    }
+    return s->euler != NULL;
+}
+
 /* Returns the area of the surface of a cell in the domain, and extends the box. For a cell that will be
  * measured by parts: minus an estimate of the area. */
 static double measure_cell(const field *f, cell_at_hand *own, bbox *box)
@@ -419,7 +479,7 @@ static bool is_smooth(const field *f, const field_cell *cell)
 }
 
 /* Stores the area of cell k if it is available without roots. Otherwise adds the cell to the group. */
-static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
+static void open_cell(const surface *s, const cell_signs *signs, size_t k, cell_group *group, bbox *box)
 {
     const field *f = s->field;
     triangulation t;
@@ -430,6 +490,7 @@ static void open_cell(const surface *s, size_t k, cell_group *group, bbox *box)
     }
     cell_at_hand *own = &group->cells[group->count];
     surface_cell(s, k, &own->cell);
+    signs->euler[k] = euler_of_cell(f, signs, &own->cell);
     if (is_smooth(f, &own->cell)) {
         group->smooth[group->smooth_count] = own->cell;
         group->number[group->smooth_count++] = k;
@@ -460,11 +521,12 @@ static void measure_smooth(const surface *s, const cell_group *group, bbox *box)
 }
 
 /* Computes the areas of at most ROOT_GROUP_CELLS consecutive cells. */
-static void measure_group(const surface *s, size_t first, size_t last, cell_group *group, bbox *box)
+static void measure_group(const surface *s, const cell_signs *signs, size_t first, size_t last,
+                          cell_group *group, bbox *box)
 {
     group->count = group->smooth_count = 0;
     root_group_clear(group->roots);
-    for (size_t k = first; k < last; k++) open_cell(s, k, group, box);
+    for (size_t k = first; k < last; k++) open_cell(s, signs, k, group, box);
     measure_smooth(s, group, box);
     root_group_find(group->roots, s->field);
     for (int i = 0; i < group->count; i++)
@@ -503,6 +565,7 @@ static void draw_triangles(const surface *s, size_t index, triangulation *out)
 
 typedef struct scan_job {
     surface *s;
+    const cell_signs *signs;
     bbox *box;          /* per worker; a box that already has most cells changes rarely */
     bent_sums *bent;    /* per chunk */
     size_t first;       /* index of the first chunk of the current group */
@@ -518,8 +581,8 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
     group.roots = root_group_new();
     for (size_t chunk = job->first + begin; chunk < job->first + end; chunk++)
         for (size_t k = chunk * GRAIN; k < (chunk + 1) * GRAIN && k < cells; k += ROOT_GROUP_CELLS)
-            measure_group(job->s, k, k + ROOT_GROUP_CELLS < cells ? k + ROOT_GROUP_CELLS : cells, &group,
-                          &box);
+            measure_group(job->s, job->signs, k, k + ROOT_GROUP_CELLS < cells ? k + ROOT_GROUP_CELLS : cells,
+                          &group, &box);
     root_group_free(group.roots);
     job->box[worker] = box;
 }
@@ -608,13 +671,17 @@ surface *surface_scan(const field *f, threads *pool, error *e)
     s->field = f;
     s->cells = f->ops->cell_count(f);
     const size_t chunks = (s->cells + GRAIN - 1) / GRAIN, workers = (size_t)threads_count(pool);
+    cell_signs signs;
     scan_job job = {s,
+                    &signs,
                     mem_array(workers, sizeof *job.box, "the scan of the surface", e),
                     mem_array(chunks, sizeof *job.bent, "the scan of the surface", e),
                     0,
                     {1, 1}};
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
-    if (!job.box || !job.bent || !s->area_before || !components_find(f, pool, &s->parts, e)) goto fail;
+    if (!prepare_signs(f, s->cells, &signs, e) || !job.box || !job.bent || !s->area_before ||
+        !components_find(f, pool, &s->parts, e))
+        goto fail;
     for (size_t k = 0; k < workers; k++) job.box[k] = bbox_empty();
     bent_settle(s->area_before + 1, s->cells, GRAIN, job.bent, scan_cells(&job, chunks, pool));
     if (threads_stopped(pool)) {
@@ -629,12 +696,15 @@ surface *surface_scan(const field *f, threads *pool, error *e)
         no_area(f, e);
         goto fail;
     }
+    if (!sum_euler(s, &signs, e)) goto fail;
     free(job.box);
     free(job.bent);
+    free(signs.euler);
     return s;
 fail:
     free(job.box);
     free(job.bent);
+    free(signs.euler);
     surface_free(s);
     return NULL;
 }
@@ -644,6 +714,7 @@ void surface_free(surface *s)
     if (!s) return;
     components_free(&s->parts);
     free(s->area_before);
+    free(s->euler);
     free(s);
 }
 

@@ -24,6 +24,9 @@ typedef struct surface {
     components parts;
     /* cells + 1 values: the area of the cells before each cell; the last value is the whole area */
     double *area_before;
+    /* Of each part: its Euler characteristic, by the signs of F at the corners of cells. NAN: no cell has corners of both
+     * signs, or cells consist of triangles */
+    double *euler;
 } surface;
 
 /* The k-th of the surface's cells. k is an index in the order of `parts`. */
