@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "measured_scene.h"
+#include "geometry/mesh/mesh_euler.h"
 
 #include "geometry/space/triangle.h"
 #include "sampling/packing/point_flags.h"
@@ -297,6 +298,22 @@ static stand_list find_stands(const scene *s)
     return out;
 }
 
+/* The Euler characteristic of each piece. The caller frees it. */
+static double *find_euler(const scene *s, const facets_input *on, threads *pool)
+{
+    error e = {0};
+    facets f = {0};
+    const mesh m = {.vertex_count = s->vertices,
+                    .triangle_count = s->triangles,
+                    .vertex = s->vertex,
+                    .triangle = s->triangle};
+    assert_true(facets_open(on, &f, &e));
+    double *euler = calloc(f.piece_count, sizeof *euler);
+    assert_true(euler && mesh_euler_add(&m, f.piece, true, pool, euler, &e));
+    facets_free(&f);
+    return euler;
+}
+
 measures scene_measure(const scene *s, const scene_options *options)
 {
     error e = {0};
@@ -305,10 +322,13 @@ measures scene_measure(const scene *s, const scene_options *options)
     double *local = calloc(s->points, sizeof *local), farthest;
     measures out;
     assert_true(pool && local);
-    const measures_input in = {.surface = {.triangle_count = s->triangles,
-                                           .vertex = s->vertex,
-                                           .triangle = (const uint32_t(*)[3])s->triangle,
-                                           .patch_count = 1},
+    const facets_input on = {.triangle_count = s->triangles,
+                             .vertex = s->vertex,
+                             .triangle = (const uint32_t(*)[3])s->triangle,
+                             .patch_count = 1};
+    double *euler = find_euler(s, &on, pool);
+    const measures_input in = {.surface = on,
+                               .piece_euler = euler,
                                .count = s->points,
                                .position = s->point,
                                .spacing = s->spacing,
@@ -325,6 +345,7 @@ measures scene_measure(const scene *s, const scene_options *options)
     free(stands.point);
     free(stands.flags);
     free(local);
+    free(euler);
     threads_free(pool);
     return out;
 }

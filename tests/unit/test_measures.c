@@ -55,6 +55,46 @@ static void a_rectangle_has_irregular_points_along_its_zigzag_sides_only(void **
     assert_true(got.thin_count == 0);
 }
 
+/* Of a square lattice each point has four neighbours. Its border points have the ideal 4, corners 2 or 3: topology asks for
+ * 6 irregular points of a disc. */
+static void a_square_lattice_has_defects(void **state)
+{
+    (void)state;
+    enum { SIDE = 16 };
+    scene s = {0};
+    scene_quad(&s, vec3_make(0, 0, 0), vec3_make(SIDE, 0, 0), vec3_make(SIDE, SIDE, 0),
+               vec3_make(0, SIDE, 0));
+    for (int k = 0; k < SIDE * SIDE; k++) scene_point(&s, vec3_make(k % SIDE + 0.5, k / SIDE + 0.5, 0));
+    scene_set_spacing(&s, 1);
+    const measures got = measure(s);
+    assert_close(got.hex_fraction, 0, 1e-12);
+    assert_close(got.defect_share, 1 - 6.0 / (SIDE * SIDE), 1e-12);
+}
+
+/* Two sheets, one above the other, joined by a wall without points: points along it are neighbours across the fold. */
+static void neighbours_across_a_fold_are_left_out_of_edge_cv(void **state)
+{
+    (void)state;
+    enum { LENGTH = 20, ROWS = 6 };
+    const double gap = 2.5, away = 1, width = away + 6;
+    scene s = {0};
+    scene_quad(&s, vec3_make(0, 0, 0), vec3_make(0, width, 0), vec3_make(LENGTH, width, 0),
+               vec3_make(LENGTH, 0, 0));
+    scene_quad(&s, vec3_make(0, 0, 0), vec3_make(LENGTH, 0, 0), vec3_make(LENGTH, 0, gap),
+               vec3_make(0, 0, gap));
+    scene_quad(&s, vec3_make(0, 0, gap), vec3_make(LENGTH, 0, gap), vec3_make(LENGTH, width, gap),
+               vec3_make(0, width, gap));
+    for (int sheet = 0; sheet < 2; sheet++)
+        scene_rows(&s, vec3_make(0, away, sheet * gap), vec3_make(1, 0, 0), vec3_make(0, 1, 0), LENGTH, ROWS);
+    scene_set_spacing(&s, 1);
+    const measures got = measure(s);
+    const double pairs =
+        2 * (ROWS * LENGTH + (ROWS - 1) * (2 * LENGTH)) - ROWS; /* odd rows have a point less */
+    assert_close(got.edge_cv, 0, 1e-6);
+    assert_true(got.edge_skipped_share > 0.9 * LENGTH / (pairs + LENGTH));
+    assert_true(got.edge_skipped_share < 1.1 * (LENGTH + 1) / pairs);
+}
+
 /* The rectangle is divided into slivers along its rows of points, or across them: cells extend over many slivers,
  * and each sliver over many cells. */
 static void check_slivers(bool across)
@@ -607,6 +647,8 @@ static void the_order_of_triangles_and_points_changes_no_measure(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_square_lattice_has_defects),
+        cmocka_unit_test(neighbours_across_a_fold_are_left_out_of_edge_cv),
         cmocka_unit_test(a_rectangle_has_irregular_points_along_its_zigzag_sides_only),
         cmocka_unit_test(a_rectangle_of_slivers_is_measured_as_two_triangles),
         cmocka_unit_test(a_rectangle_cut_from_a_plane_is_measured_as_its_triangles),

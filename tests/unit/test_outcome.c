@@ -231,6 +231,7 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
         {"max_residual", OUTCOME_NOT_CONVERGED, {.residual = NAN}},
         {"lost_area", OUTCOME_UNRESOLVED, {.lost_area = 0.011}},
         {"ringing", OUTCOME_UNRESOLVED, {.ringing = 0.011}},
+        {"lost_walls", OUTCOME_UNRESOLVED, {.lost_walls = 0.021}},
     };
     scene s = scene_octahedron(3);
     const measures m = scene_measure(&s, NULL);
@@ -248,6 +249,7 @@ static void a_fault_of_the_solve_is_the_only_reason(void **state)
         replace(&in.residual, c->residual);
         replace(&in.lost_area, c->lost_area);
         replace(&in.ringing, c->ringing);
+        replace(&in.lost_walls, c->lost_walls);
         const outcome_result v = outcome_evaluate(&in);
         check_reasons(&v, faults[k].outcome, criteria);
     }

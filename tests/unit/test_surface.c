@@ -9,6 +9,7 @@
 
 #include "close.h"
 #include "shapes.h"
+#include "surface/field/region.h"
 #include "surface/scan/cell_parts.h"
 #include "surface/scan/surface.h"
 
@@ -35,6 +36,43 @@ static void areas_are_right(void **state)
     assert_close(scan_area(1, 1) / (4 * M_PI * M_PI * 0.4), 1, 1e-5);
     assert_close(scan_area(2, 1) / box, 1, 1e-4);
     assert_close(scan_area(4, 1) / 4.563927350656813, 1, 2e-5); /* Gauss-Legendre over the sphere */
+}
+
+/* The Euler characteristic of the part of a shape in a box. */
+static double euler_in(const analytic_params *shape, bbox box)
+{
+    error e = {0};
+    analytic *a = analytic_new(shape, NULL, &e);
+    threads *pool = threads_new(2, NULL, &e);
+    region *r = region_new(&a->base, box, &e);
+    surface *s = surface_scan(region_field(r), pool, &e);
+    assert_non_null(s);
+    double sum = 0;
+    for (size_t p = 0; p < s->parts.count; p++) sum += s->euler[p];
+    surface_free(s);
+    region_free(r);
+    threads_free(pool);
+    analytic_free(a);
+    return sum;
+}
+
+static void euler_characteristic_follows_from_cells(void **state)
+{
+    (void)state;
+    const bbox all = {{-99, -99, -99}, {99, 99, 99}};
+    const double closed[] = {2, 0, 2, 2};
+    for (int k = 0; k < 4; k++) assert_true(euler_in(&shapes[k], all) == closed[k]);
+    const bbox half = {{-99, -99, 2.01}, {99, 99, 99}}, band = {{-99, -99, 2.01}, {99, 99, 4.02}},
+               tube = {{-0.031, -99, -99}, {1.033, 99, 99}}, edge = {{1.01, 2.02, -99}, {99, 99, 99}};
+    const analytic_params ring = {.shape = ANALYTIC_TORUS,
+                                  .center = {0.5, 0, 0},
+                                  .axis = {0, 0, 1},
+                                  .major_radius = 1,
+                                  .minor_radius = 0.3};
+    assert_true(euler_in(&shapes[0], half) == 1);
+    assert_true(euler_in(&shapes[0], band) == 0); /* a sphere without both caps */
+    assert_true(euler_in(&shapes[0], edge) == 1); /* with an edge of the box through it */
+    assert_true(euler_in(&ring, tube) == 0);      /* two tubes */
 }
 
 /* Needles, discs, wires and sharp edges against closed forms. */
@@ -239,6 +277,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_are_right),
+        cmocka_unit_test(euler_characteristic_follows_from_cells),
         cmocka_unit_test(areas_of_awkward_shapes),
         cmocka_unit_test(half_as_many_parts_give_nearly_the_same_area),
         cmocka_unit_test(mixed_bent_cells_have_their_areas),

@@ -49,6 +49,7 @@ static outcome_input outcome_input_of(const job *j)
         .lost = p->lost,
         .lost_area = source_missing_share(&j->source),
         .ringing = source_ringing(&j->source),
+        .lost_walls = source_lost_share(&j->source),
         .residual = j->results.max_residual,
         .rms_residual = j->results.rms_residual,
         .require = j->spec->require,

@@ -5,6 +5,7 @@
 #include <stdio.h>
 
 #include "sampling/solver/solver_params.h"
+#include "surface/volume/thin_walls.h"
 
 const char *const outcome_names[] = {OUTCOME_LIST(WORDS_TEXT, OUTCOME)};
 
@@ -134,6 +135,11 @@ static bool ringing(const outcome_input *in, double *value, double *bound)
     return exceeds(in->ringing, RINGING_SHARE, value, bound);
 }
 
+static bool lost_walls(const outcome_input *in, double *value, double *bound)
+{
+    return exceeds(in->lost_walls, THIN_WALLS_MOST_LOST, value, bound);
+}
+
 static const criterion criteria[] = {
     {"rms_step", OUTCOME_NOT_CONVERGED, false, out_of_sweeps,
      "rms_step: the solve reached solver.max_sweeps before it converged; the RMS step of its last sweep is "
@@ -204,6 +210,10 @@ static const criterion criteria[] = {
      "ringing: %.3g %% of the cells of the surface are made or displaced by overshoot of the spline beside a jump of "
      "the samples (at most %.3g %%). If a value means that there are no data, give it as no_data; otherwise choose an "
      "isovalue in the middle of the jump, or set reconstruction to \"smoothing\".",
+     100},
+    {"lost_walls", OUTCOME_UNRESOLVED, false, lost_walls,
+     "lost_walls: about %.3g %% of the area is of walls that lie between the samples of the volume, and is not "
+     "sampled (at most %.3g %%). Use a volume with smaller voxels, or choose another isovalue.",
      100},
 };
 

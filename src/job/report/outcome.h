@@ -37,6 +37,7 @@ typedef struct outcome_input {
     /* Fraction of the area of a mesh or combination that the sampled surface does not represent. */
     double lost_area;
     double ringing;                /* fraction of the cells of volumes, see source_ringing */
+    double lost_walls;             /* fraction of the area of a dense volume that lies between its samples */
     double residual, rms_residual; /* Maximum and rms distance of the points from the surface, in spacings. */
     const spec_requirement *require; /* SPEC_REQUIRE_COUNT bounds */
 } outcome_input;

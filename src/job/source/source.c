@@ -988,6 +988,19 @@ double source_ringing(const source *s)
     return ringing_of(&s->whole);
 }
 
+/* The largest share of the volumes among the parts. */
+static double lost_share(const source_part *p)
+{
+    double share = p->volume ? volume_describe(p->volume)->lost_share : 0;
+    for (size_t k = 0; k < p->part_count; k++) share = fmax(share, lost_share(&p->parts[k]));
+    return share;
+}
+
+double source_lost_share(const source *s)
+{
+    return lost_share(&s->whole);
+}
+
 double source_thinnest_wall(const source *s, const spec *of)
 {
     const bool is_volume = s->whole.volume && of->surface.kind != SPEC_SURFACE_MESH;

@@ -129,6 +129,9 @@ double source_missing_share(const source *s);
 
 /* The largest fraction of the cells of a volume that its spline makes or displaces beside a jump of the samples. */
 double source_ringing(const source *s);
+
+/* The share of the area of a dense volume that is lost between its samples (thin_walls.h). */
+double source_lost_share(const source *s);
 /* Returns half the side of a voxel: the data of a volume or a segmentation do not determine thinner walls. 0: other
  * surfaces. World units. */
 double source_thinnest_wall(const source *s, const spec *of);

@@ -30,7 +30,8 @@ typedef struct work {
     double *values;         /* one slice */
     uint8_t *inside[2];     /* two slices: INSIDE where the value is above the isovalue, and BEYOND */
     uint64_t cells, beyond; /* crossed ones, and those of them with a corner that is BEYOND */
-    uint32_t *number;       /* per block: first 1 if it is crossed; then the index of its leaf, or NONE */
+    thin_walls_search *walls;
+    uint32_t *number; /* per block: first 1 if it is crossed; then the index of its leaf, or NONE */
     vdb_grid *grid;
 } work;
 
@@ -48,11 +49,11 @@ static bool begin(work *w, size_t memory_limit, error *e)
         cells *= (double)w->blocks[k];
     }
     w->stride = w->size[0] + 2 * SIDE;
-    double needed =
-        slice * sizeof(double) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
+    double needed = slice * sizeof(double) + 2 * (double)w->stride * (double)w->size[1] +
+                    cells * sizeof(uint32_t) + (double)thin_walls_bytes(w->size[0], w->size[1]);
     if (needed > (double)memory_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
-                         "its %lld x %lld x %lld samples require %.0f MiB for one slice and the table of "
+                         "its %lld x %lld x %lld samples require %.0f MiB for a few slices and the table of "
                          "blocks, and %zu MiB of the limit are left: raise limits.memory_mb by at least %.0f",
                          (long long)w->size[0], (long long)w->size[1], (long long)w->size[2],
                          ceil(needed / (1 << 20)), memory_limit >> 20,
@@ -62,7 +63,8 @@ static bool begin(work *w, size_t memory_limit, error *e)
     w->inside[0] = mem_array(row, 1, "a slice of the volume", e);
     w->inside[1] = mem_array(row, 1, "a slice of the volume", e);
     w->number = mem_array((size_t)cells, sizeof *w->number, "the table of blocks", e);
-    return w->values && w->inside[0] && w->inside[1] && w->number;
+    w->walls = thin_walls_begin(w->size[0], w->size[1], e);
+    return w->values && w->inside[0] && w->inside[1] && w->number && w->walls;
 }
 
 static void end(work *w)
@@ -71,6 +73,7 @@ static void end(work *w)
     free(w->inside[0]);
     free(w->inside[1]);
     free(w->number);
+    thin_walls_end(w->walls);
 }
 
 /* ---- first pass: finds crossed blocks */
@@ -146,9 +149,11 @@ static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
         w->inside[1] = before;
         if (!w->source->ops->next(w->source, w->values, e)) return false;
         note_values(w, z, w->inside[1], facts);
+        if (!thin_walls_add(w->walls, w->values, w->isovalue, w->no_data, e)) return false;
         if (z > 0) mark_layer(w, z - 1);
         if (!may_go_on(w, e)) return false;
     }
+    facts->walls = thin_walls_take(w->walls);
     return true;
 }
 

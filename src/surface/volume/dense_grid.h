@@ -12,6 +12,7 @@
 #include "base/core/threads.h"
 #include "io/volumes/slices.h"
 #include "io/vdb/vdb.h"
+#include "surface/volume/thin_walls.h"
 
 /* Sums of floats of larger values could overflow. */
 #define DENSE_GRID_LARGEST 1e30
@@ -23,6 +24,7 @@ typedef struct dense_grid_facts {
     uint64_t unusable;
     int64_t unusable_at[3]; /* index of the first one */
     uint64_t missing;       /* number of values that are no_data; they count as `lowest` */
+    thin_walls_found walls; /* owned by the caller, also after failure */
 } dense_grid_facts;
 
 /* Makes a fog volume whose leaves extend two blocks around every cell crossed at the isovalue (above it is

@@ -508,6 +508,7 @@ static void loading_free(loading *l)
     crossings_free(&l->crossings);
     block_map_free(&l->reach);
     samples_free(&l->samples);
+    thin_walls_free(&l->facts.walls);
 }
 
 /* Warns of limited samples. */
@@ -522,6 +523,57 @@ static void warn_of_limits(volume *v)
         r->first[2]);
 }
 
+/* Places between the samples of an edge at which the spline is evaluated. */
+enum { EDGE_PLACES = 7 };
+/* Distance, in voxels, of the places beside a kink whose gradients are compared: the spline rounds the kink. */
+static const double BESIDE_KINK = 1.5;
+/* Maximum cosine of the gradients on both sides of a wall, as of opposite walls in measures. Near a sharp edge of the
+ * surface lines have kinks, too. */
+static const double OPPOSITE = -0.4;
+
+static bool sample_edge(const volume *v, const thin_walls_edge *edge, double along, field_sample *out)
+{
+    double at[3] = {edge->at[0], edge->at[1], edge->at[2]};
+    at[edge->axis] += along;
+    return field_sample_at(&v->base, affine_apply(v->to_world, at[0], at[1], at[2]), FIELD_GRADIENT, out);
+}
+
+/* Whether a wall passes between the samples of an edge, and the spline does not. Far from the surface the spline is not
+ * defined. */
+static bool is_wall_lost(const volume *v, const thin_walls_edge *edge)
+{
+    bool inside = false, outside = false;
+    field_sample s, below, above;
+    for (int k = 0; k <= EDGE_PLACES + 1; k++) {
+        if (!sample_edge(v, edge, (double)k / (EDGE_PLACES + 1), &s)) return true;
+        inside |= s.value < 0;
+        outside |= s.value >= 0;
+    }
+    if (inside && outside) return false;
+    return !sample_edge(v, edge, 0.5 - BESIDE_KINK, &below) ||
+           !sample_edge(v, edge, 0.5 + BESIDE_KINK, &above) ||
+           vec3_dot(vec3_unit(below.gradient), vec3_unit(above.gradient)) <= OPPOSITE;
+}
+
+/* Minimum share of the area of thin walls for a warning. */
+static const double THIN_SHARE = 0.02;
+
+/* `walls`: of a dense volume, otherwise 0. */
+static void note_walls(const thin_walls_found *walls, volume *v)
+{
+    size_t lost = 0;
+    if (walls->crossed == 0) return;
+    for (size_t k = 0; k < walls->kink_count; k++) lost += is_wall_lost(v, &walls->kink[k]);
+    const double kinks = 2 * (double)walls->kink_count, all = (double)walls->crossed + kinks,
+                 thin = ((double)walls->thin + kinks) / all;
+    v->info.lost_share = 2 * (double)lost / all;
+    if (thin > THIN_SHARE && v->info.lost_share <= THIN_WALLS_MOST_LOST)
+        warn(
+            &v->info,
+            "%.3g %% of the area belongs to walls thinner than two voxels; %.2g %% of the area is lost between samples",
+            100 * thin, 100 * v->info.lost_share);
+}
+
 /* load_grid or load_dense. */
 typedef bool loader(const void *request, loading *l, volume *v, error *e);
 
@@ -531,6 +583,7 @@ static volume *try_volume(loader *load, const void *request, isa kernels, loadin
     v->spline = spline_for(kernels);
     v->base.ops = &volume_field_ops;
     const bool ok = load(request, l, v, e) && build(l, v, e);
+    if (ok) note_walls(&l->facts.walls, v);
     loading_free(l);
     if (ok) return v;
     volume_close(v);

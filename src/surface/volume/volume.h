@@ -23,6 +23,7 @@
 #include "geometry/mesh/mesh.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "surface/levelset/mesh_faces.h"
+#include "surface/volume/thin_walls.h"
 #include "surface/volume/voxel_size.h"
 
 typedef struct volume volume;
@@ -83,14 +84,16 @@ typedef struct volume_info {
     uint64_t active_voxels;
     uint64_t crossing_cells;
     uint64_t coefficient_blocks;
-    size_t memory_bytes;        /* bytes of the volume */
-    bbox surface_box;           /* of the crossing cells */
-    size_t triangles;           /* used triangles of a mesh; 0 for a grid */
-    bool is_limited;            /* samples were limited beside a jump (ringing.h) */
-    double ringing;             /* fraction of the cells that ring, or are one-sided (ringing.h) */
-    fidelity fidelity;          /* of a mesh without an offset */
-    resolution resolution;      /* of a mesh: voxel size, and how it was chosen */
-    int64_t size[3];            /* samples of a dense volume; otherwise 0 */
+    size_t memory_bytes;   /* bytes of the volume */
+    bbox surface_box;      /* of the crossing cells */
+    size_t triangles;      /* used triangles of a mesh; 0 for a grid */
+    bool is_limited;       /* samples were limited beside a jump (ringing.h) */
+    double ringing;        /* fraction of the cells that ring, or are one-sided (ringing.h) */
+    fidelity fidelity;     /* of a mesh without an offset */
+    resolution resolution; /* of a mesh: voxel size, and how it was chosen */
+    int64_t size[3];       /* samples of a dense volume; otherwise 0 */
+    /* Of a dense volume, also outside of a region: share of the area that is lost between its samples */
+    double lost_share;
     bool two_values;            /* a dense volume has no third value near the surface, as a mask */
     char format[12], space[64]; /* of a dense volume, as in slices.h */
     size_t warning_count;
