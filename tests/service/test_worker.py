@@ -675,7 +675,7 @@ REPORT = {
     "spacing": NUMBER,
     "diagnostics": {"sigma": NUMBER, "mean_neighbours": NUMBER, "step_left": NUMBER,
                     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER}, "threads": int, "isa": str},
-    "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER, "disorder": NUMBER,
+    "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "edge_skipped_share": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER, "disorder": NUMBER,
                 "min_spacing_ratio": NUMBER, "coverage": NUMBER, "max_residual": NUMBER, "rms_residual": NUMBER, "largest_move": NUMBER, "lost": int, "removed_offsurface": int,
                 "defect_share": NUMBER, "close_share": NUMBER, "coincident": int, "thin_count": int, "missing_share": NUMBER, "unmeasured_share": NUMBER,
                 "parts_without_points": {"count": int, "area_share": NUMBER},
