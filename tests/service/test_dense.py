@@ -301,6 +301,17 @@ def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
     assert_ellipsoid(points, near=5e-3)
 
 
+@pytest.mark.parametrize("voxels, lost, noted", [(0.4, True, False), (1.2, False, True), (4, False, False)])
+def test_walls_between_samples_are_lost_and_thin_ones_noted(sample, tmp_path, voxels, lost, noted):
+    """A shell around a ball with a radius of 16 voxels, with values that are distances."""
+    away = numpy.linalg.norm(numpy.stack(numpy.meshgrid(*3 * [numpy.arange(40) - 19.4], indexing="ij"), -1), axis=-1)
+    write_nrrd(tmp_path / "shell.nrrd", (voxels / 2 - abs(away - 16)).astype("f4"))
+    report, points = sample(tmp_path / "shell.nrrd")
+    reasons = {r["criterion"]: r["value"] for r in report["outcome_reasons"]}
+    assert ("lost_walls" in reasons) == lost and (not lost or 0.1 < reasons["lost_walls"] < 0.6)
+    assert any("walls thinner than two voxels" in w for w in report["surface"]["warnings"]) == noted
+
+
 def test_values_that_are_not_finite_are_counted(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[2, 3, 4], values[15, 13, 17], values[1, 1, 20] = numpy.nan, numpy.inf, -numpy.inf

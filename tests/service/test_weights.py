@@ -46,6 +46,15 @@ def test_a_smooth_closed_formula_has_weights_of_high_order(build, source, tmp_pa
     assert told["normal_integral"] < 1e-4 and 0 < abs(told["degree_difference"]) < 1e-3
 
 
+def test_weights_whose_sum_is_worse_than_that_of_cells_are_replaced(build, tmp_path):
+    """With 1000 points the sum of the weights of high order differs from the area by 1e-3."""
+    report, points = run(build, tmp_path / "a", TORUS, 1000)
+    told = report["weights"]
+    assert (told["kind"], told["reason"], told["degree_difference"]) == ("cells", "area", None)
+    assert any("their sum would differ from the area" in text for text in report["surface"]["warnings"])
+    assert points["weight"].sum() == pytest.approx(AREA, rel=1e-5) and points["weight"].min() > 0
+
+
 def test_bytes_do_not_depend_on_threads_or_the_instruction_set(build, tmp_path):
     found = [run(build, tmp_path / str(k), TORUS, 300, threads, solver={"isa": isa})[1]["weight"].tobytes()
              for k, (threads, isa) in enumerate(((1, "portable"), (3, "auto")))]
