@@ -128,6 +128,36 @@ def test_kept_points_are_first_and_bit_identical(run, tmp_path):
     assert apart.min() > 0.25 * report["spacing"]
 
 
+@pytest.mark.parametrize("missing", [1, 3, 30])
+@pytest.mark.parametrize("surface", [{"analytic": {"shape": "ellipsoid", "radii": [1, 1, 0.08]}},
+                                     {"analytic": {"shape": "box", "half_size": [1, 1, 1]}}], ids=["sharp rim", "edges"])
+def test_points_that_are_missing_are_put_back(run, tmp_path, diagnose, surface, missing):
+    """The others leave no place but theirs."""
+    spec = job(300, surface=surface)
+    spec["features"] = "box" in surface["analytic"]
+    report, columns = run(spec)
+    points = numpy.stack([columns[axis] for axis in "xyz"], axis=1)
+    for seed in (1, 2):
+        write_npz(tmp_path / "kept.npz", data=npy(numpy.delete(points, numpy.random.default_rng(seed).permutation(300)[:missing], axis=0)))
+        spec["sampling"]["points"] = {"path": "kept.npz", "mode": "keep"}
+        again, _ = run(spec, "again")
+        diagnose(f"seed {seed}: {again['quality']['coverage']:.3f} after {report['quality']['coverage']:.3f}")
+        assert again["count"] == 300 and again["quality"]["coverage"] < report["quality"]["coverage"] + 0.05
+
+
+def test_a_count_without_room_for_the_points_on_curves_is_refused(run, refuse, tmp_path):
+    """The points within the faces of a box are given: its edges need points of their own."""
+    spec = {**job(300, surface={"analytic": {"shape": "box", "half_size": [1, 1, 1]}}), "features": True}
+    _, columns = run(spec)
+    points = numpy.stack([columns[axis] for axis in "xyz"], axis=1)[columns["feature"] == 0]
+    write_npz(tmp_path / "kept.npz", data=npy(points))
+    spec["sampling"] = {"count": len(points) + 2, "points": {"path": "kept.npz", "mode": "keep"}}
+    told = refuse(spec)
+    assert told["code"] == "spec_invalid" and told["message"].startswith(f"/sampling/points: {len(points)} points are given, and curves, ")
+    spec["sampling"]["count"] = int(re.search(r"ask for at least (\d+) points", told["message"])[1])
+    assert len(points) + 20 < spec["sampling"]["count"] == run(spec)[0]["count"]
+
+
 def test_floats_of_a_result_come_back_as_the_same_floats(run, tmp_path):
     run(job(400, output={"ply": {"precision": "float"}}), "first")
     before = stack(read_columns((tmp_path / "first" / "points.ply").read_bytes()), *"xyz")

@@ -23,6 +23,9 @@ static const double FARTHEST = 1;
 /* Two points, or a point and its projection, are on opposite walls if the cosine of their normals is below
  * this. */
 static const double OPPOSITE_COSINE = 0.5;
+/* The same on a surface that has not moved, where no point has to find its wall: that of the measures. Beside a fold,
+ * a place that has points around it is no hole. */
+static const double OPPOSITE_COSINE_STILL = -0.4;
 /* Minimum distance, in spacings, of two points that are both kept. A relaxed packing has none below 0.8. */
 static const double DENSE_DISTANCE = 0.6;
 /* A position farther than this from every point, in spacings, is a hole. Corners of ideal cells are at 0.58,
@@ -33,6 +36,9 @@ static const double HOLE = 0.78;
 static const double CONTINUED = 0.5;
 /* A fixed point replaces a curve sample within this distance, in spacings: both would be too close. */
 static const double REPLACED = 0.3;
+/* Fixed points are a part of a packing if more than this fraction of them, without those on curves, is within
+ * SAME_POINT spacings of its points. By chance that are 0.01; defect repair of their own solve leaves 0.5. */
+static const double PART_SHARE = 0.25, SAME_POINT = 0.05;
 /* If less than this fraction of the points can be carried, the surface is considered a different one. */
 static const double SAME_SURFACE = 0.5;
 /* Only the neighbours of a point are within this distance, in spacings. */
@@ -42,7 +48,7 @@ static const size_t PLACES = 2;
 /* Maximum number of draws for a candidate place. */
 static const int DRAWS = 20;
 /* Minimum distances of births, in spacings; the next one is used if no more places fit. */
-static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
+static const double birth_distance[] = {1.3, 0.8, 0.4, -INFINITY};
 enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
 /* Births and deaths are divided into portions of at most one in PORTION points. Sweeps between portions let
  * the packing converge: a birth beside the core of a dislocation moves the dislocation by a row, and the
@@ -178,7 +184,8 @@ static bool faces(const candidates *c, uint32_t patch, vec3 one, vec3 other)
 {
     const bool one_sided = c->f->patches && c->f->patches->patch[patch].one_sided;
     const double cosine = vec3_dot(one, other);
-    return (one_sided ? fabs(cosine) : cosine) > OPPOSITE_COSINE;
+    return (one_sided ? fabs(cosine) : cosine) >
+           (c->params->is_still ? OPPOSITE_COSINE_STILL : OPPOSITE_COSINE);
 }
 
 static void carry_chunk(void *context, int worker, size_t begin, size_t end)
@@ -430,6 +437,14 @@ static bool carry_all(candidates *c, error *e)
     c->count = c->fixed;
     set_spacings(c, 0);
     if (!place_fixed(c, e)) return false;
+    if (c->fixed > c->wanted) {
+        const size_t least = p->count + c->fixed - c->wanted;
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/sampling/points: %zu points are given, and curves, such as borders and sharp edges, need "
+            "%zu others, more than the count of %zu: ask for at least %zu points",
+            p->fixed_count, least - p->fixed_count, p->count, least);
+    }
     c->count = c->fixed;
     set_spacings(c, 0);
     if (!p->is_still) c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
@@ -440,12 +455,16 @@ static bool carry_all(candidates *c, error *e)
     close_gaps(c);
     set_spacings(c, 0);
     if (!build_lists(c, p->fixed_count > 0 ? NEAR : DENSE_DISTANCE, e)) return false;
+    size_t same = 0; /* points at fixed ones */
     for (size_t i = c->fixed; i < c->count; i++) c->taken[i] = false;
+    for (size_t i = c->fixed; i < c->count; i++) same += has_near(c, i, SAME_POINT, 0);
     for (int inner = 0; inner <= 1; inner++) /* points on boundaries first: boundaries must stay closed */
         for (size_t i = c->fixed; i < c->count; i++)
             if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, DENSE_DISTANCE, 0);
-    for (size_t i = c->fixed; p->fixed_count > 0 && i < c->count; i++)
+    /* given points that are a part of this packing lack just the trapped ones */
+    const bool is_part = (double)same > PART_SHARE * (double)(c->fixed - c->allotted.samples.copies);
+    for (size_t i = c->fixed; p->fixed_count > 0 && !is_part && i < c->count; i++)
         c->taken[i] = c->taken[i] && !is_trapped(c, i);
     close_gaps(c);
     return true;
@@ -494,8 +513,8 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Computes the priority: for a place its distance from the nearest point, for a point the density around it.
- * A place among fixed points has the lowest priority unless it is a hole, because these points cannot make
- * room. */
+ * A place among fixed points has a priority below 0 unless it is a hole, because these points cannot make
+ * room. Of such places the emptiest ones come first: they are where points of the same packing are missing. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
     candidates *c = context;
@@ -509,7 +528,7 @@ static void rank_chunk(void *context, int worker, size_t begin, size_t end)
             nearest = fmin(nearest, d);
             crowding += (NEAR - d) * (NEAR - d);
         }
-        if (c->params->fixed_count > 0 && i >= c->carried && is_trapped(c, i)) nearest = 0;
+        if (c->params->fixed_count > 0 && i >= c->carried && is_trapped(c, i)) nearest -= NEAR;
         c->rank[i] = i < c->carried ? crowding : nearest;
     }
 }
@@ -820,7 +839,8 @@ static bool populate(candidates *c, error *e)
     const size_t count = c->wanted;
     size_t take, give;
     if (!draw_places(c, e)) return false;
-    size_t there = c->carried + give_birth(c, HOLE, HOLE, c->params->count);
+    /* carried points can make room for births, fixed points cannot */
+    size_t there = c->carried + give_birth(c, HOLE, HOLE, count - c->fixed);
     if (!find_missing(c, &take, &give, e)) return false;
     const size_t taken = there + take, most = taken > count + give ? taken : count + give;
     const size_t wanted[STEPS] = {taken, most, most - give, count};
@@ -834,6 +854,12 @@ static bool populate(candidates *c, error *e)
     }
     c->missing = missing;
     if (!ok || there == count) return ok;
+    if (c->params->is_still)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/sampling/points: the given points leave no place for %zu of the %zu other points: ask for "
+            "more points, or give fewer",
+            count > there ? count - there : there - count, count - c->fixed);
     return error_set(e, ERROR_NO_SURFACE,
                      "point %zu of %zu was not projected onto the surface in %d attempts: reduce the "
                      "motion between frames, or ask for fewer points",

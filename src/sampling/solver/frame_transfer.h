@@ -78,7 +78,8 @@ typedef struct frame_transfer {
     uint32_t *fixed; /* its index among the fixed points, or FRAME_TRANSFER_NONE; NULL without fixed points */
 } frame_transfer;
 
-/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was stopped). Free *out
+/* Errors: limit_memory, no_surface (points cannot be placed), spec_invalid (fixed points leave
+ * too few points for curves, or no place for others), cancelled (the pool was stopped). Free *out
  * also after failure. */
 bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
                            threads *pool, frame_transfer *out, error *e);
