@@ -9,6 +9,7 @@ import platform
 import sys
 import time
 
+import arrays
 import calls
 import damage
 import faults
@@ -20,11 +21,12 @@ import restores
 import shortage
 import space
 import tables
+import upgrades
 import volume
 from farm import Violation, setclock
 
 # of all kills
-SHARES = {"kills": 0.34, "clocks": 0.25, "reboots": 0.25, "space": 0.07, "restores": 0.05, "damage": 0.04}
+SHARES = {"kills": 0.3, "clocks": 0.22, "reboots": 0.21, "space": 0.06, "restores": 0.05, "damage": 0.04, "arrays": 0.08, "upgrades": 0.04}
 SUPERVISED = {"faults", "power", "mutations"}
 
 
@@ -77,6 +79,8 @@ def main(words):
         "space": lambda: space.run(build, work / "space", times["space"], seed, say),
         "restores": lambda: restores.run(build, work / "restores", times["restores"], seed, say),
         "damage": lambda: damage.run(build, work / "damage", times["damage"], seed, say),
+        "arrays": lambda: arrays.run(build, work / "arrays", times["arrays"], seed, say),
+        "upgrades": lambda: upgrades.run(build, work / "upgrades", times["upgrades"], seed, say),
         "shortage": lambda: shortage.run(build, work / "shortage", options.shortages, seed, say),
         "faults": lambda: faults.run(build, work / "faults", seed, say, options.every),
         "power": lambda: power.run(build, work / "power", options.losses, seed, say),

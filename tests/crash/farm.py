@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import zlib
 
 sys.path[:0] = [str(pathlib.Path(__file__).parent.parent / "service"), str(pathlib.Path(__file__).parent.parent)]
@@ -149,8 +150,8 @@ class Daemon(Service):
             if left:
                 raise Violation(f"processes outlive the daemon: {left}") from None
 
-    def check_database(self):
-        """On a copy: to open it is to recover it, which is the daemon's to do."""
+    def check_database(self, query="SELECT 1"):
+        """On a copy: to open it is to recover it, which is the daemon's to do. The rows of a query of it."""
         with tempfile.TemporaryDirectory(dir=self.base) as copy:
             for path in self.state.glob("queue.db*"):
                 shutil.copyfile(path, pathlib.Path(copy) / path.name)
@@ -158,9 +159,31 @@ class Daemon(Service):
                 if (self.state / "queue.db").exists() else sqlite3.connect(":memory:")
             found = database.execute("PRAGMA integrity_check").fetchall()
             broken = database.execute("PRAGMA foreign_key_check").fetchall()
+            rows = database.execute(query).fetchall()
             database.close()
         if found != [("ok",)] or broken:
             raise Violation(f"the database is damaged: {found[:3]} {broken[:3]}")
+        return rows
+
+
+class Moments:
+    """How long changes of each kind take, so that kills hit any moment of one."""
+
+    def __init__(self):
+        self.seconds = {}
+
+    def reach(self, kind, rng, lasts, look):
+        """Calls look() until a random moment of a change that has just begun; whether it still lasted then. The moment is the random
+        thing that is tested, so it is not waited for by a condition."""
+        begun, usual = time.monotonic(), self.seconds.get(kind, 2)
+        moment, passed = rng.uniform(0, 1.1) * usual, 0
+        while passed < moment and lasts():
+            look()
+            time.sleep(0.005)
+            passed = time.monotonic() - begun
+        lasted = lasts()
+        self.seconds[kind] = 1.2 * usual if lasted else passed
+        return lasted
 
 
 class Book:

@@ -65,6 +65,16 @@ def of_damage(f):
     return [("kills", f["kills"]), ("drains", f["drains"])]
 
 
+def of_arrays(f):
+    return [("kills", f["kills"]), *((f"{action} {how}", n) for action, counts in f["changes"].items() for how, n in counts.items()),
+            ("data sets", f["data sets"]), ("arrays that wait for frames of another", f["waiting arrays"])]
+
+
+def of_upgrades(f):
+    return [("kills", f["kills"]), ("kills before the service was ready", f["kills before the service was ready"]),
+            *((f"states of {build}", n) for build, n in f["states"].items())]
+
+
 def of_shortage(f):
     slowest = [(f"slowest {what} after the connections have ended, s", f"{f['slowest'][kind]:.3f}")
                for kind, what in (("healthz", "/healthz"), ("POST", "submission")) if f["slowest"][kind] is not None]
@@ -82,14 +92,14 @@ def of_power(f):
 
 
 PARTS = {"kills": of_kills, "clocks": of_clocks, "reboots": of_reboots, "space": of_space, "restores": of_restores, "damage": of_damage,
-         "shortage": of_shortage, "faults": of_faults, "power": of_power}
+         "arrays": of_arrays, "upgrades": of_upgrades, "shortage": of_shortage, "faults": of_faults, "power": of_power}
 
 
 def count_kills(figures):
     """In all parts that are there."""
     counts = {"kills": lambda f: sum(f["cycles"].values()), "clocks": lambda f: sum(f["cycles"].values()), "reboots": lambda f: sum(f["deaths"].values())}
     return sum(counts.get(name, lambda f: f["kills"])(figures[name])
-               for name in ("kills", "clocks", "reboots", "space", "restores", "damage") if name in figures)
+               for name in ("kills", "clocks", "reboots", "space", "restores", "damage", "arrays", "upgrades") if name in figures)
 
 
 def quantities(figures):

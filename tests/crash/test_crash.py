@@ -12,6 +12,7 @@ import threading
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
+import arrays  # noqa: E402
 import calls  # noqa: E402
 import damage  # noqa: E402
 import disk  # noqa: E402
@@ -25,6 +26,7 @@ import restores  # noqa: E402
 import shortage  # noqa: E402
 import space  # noqa: E402
 import tables  # noqa: E402
+import upgrades  # noqa: E402
 import volume  # noqa: E402
 
 pytestmark = pytest.mark.extended
@@ -81,6 +83,19 @@ def test_shortages_of_descriptors(build, tmp_path, diagnose):
 def test_damage(build, tmp_path, diagnose):
     figures = damage.run(build, tmp_path, 1, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
     assert sum(sum(row.values()) for row in figures["damage"].values()) == figures["backups"]
+
+
+def test_kills_during_changes_of_arrays(build, tmp_path, diagnose, monkeypatch):
+    monkeypatch.setattr(arrays, "FRAMES", 5000)
+    monkeypatch.setattr(arrays, "FILES", 3000)
+    figures = arrays.run(build, tmp_path, 8, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["kills"] == 8 and any(count["undone"] + count["completed"] for count in figures["changes"].values())
+
+
+def test_kills_during_an_upgrade(build, tmp_path, diagnose, monkeypatch):
+    monkeypatch.setattr(upgrades, "BUILDS", ("7218b1f7",))
+    figures = upgrades.run(build, tmp_path, 1, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["kills"] >= 4
 
 
 def test_a_log_that_held_the_whole_database(build, tmp_path):

@@ -23,18 +23,6 @@ ENDED = ("succeeded", "failed", "cancelled")
 WAITING = ("runs", "waits", "after", "waits with a sent file", "waits, equal to sent", "waits with defaults", "waiting frames")
 
 
-def fill_state(earlier, state):
-    """Copies a state directory. Times are new, because unused inputs are deleted after some days."""
-    for part in ("attempts", "inputs", "results"):
-        shutil.copytree(earlier / part, state / part, copy_function=shutil.copyfile)
-    if (earlier / "instance").exists():
-        shutil.copyfile(earlier / "instance", state / "instance")
-
-
-def read_jobs(earlier):
-    return {job["name"]: job for job in json.loads((earlier / "jobs.json").read_text())}
-
-
 @pytest.fixture(params=["d10413d0", "ef072324", "7218b1f7"])
 def upgraded(request, new_service, tmp_path):
     """A service on a copy of the state of that commit, started, and the jobs of jobs.json by name."""
@@ -43,12 +31,10 @@ def upgraded(request, new_service, tmp_path):
     inputs.mkdir()
     make_state.write_frames(inputs)
     service = new_service("--input_roots", inputs, "--listen", f"unix:{tmp_path}/socket")  # as an administrator
-    fill_state(earlier, service.state)
-    with sqlite3.connect(service.state / "queue.db") as database:
-        database.executescript((earlier / "queue.sql").read_text())
-    database.close()
+    make_state.put_back(earlier, service.state)
+    make_state.make_database(earlier, service.state / "queue.db")
     service.start()
-    return service, read_jobs(earlier)
+    return service, make_state.read_jobs(earlier)
 
 
 def served(service, job, query=""):
@@ -159,7 +145,7 @@ def tree(folder):
 def test_an_older_state_is_refused_and_unchanged(new_service, tmp_path, has_log):
     earlier = UPGRADE / "681e8d2"
     service = new_service("--listen", f"unix:{tmp_path}/socket")
-    fill_state(earlier, service.state)
+    make_state.put_back(earlier, service.state)
     database = sqlite3.connect(tmp_path / "queue.db")
     database.execute("PRAGMA journal_mode = WAL")
     database.executescript((earlier / "queue.sql").read_text())
