@@ -59,7 +59,7 @@ static coplanar_overlap cut(mesh *m)
     assert_true(mesh_edges_list(m, NULL, &edges, &e));
     const rounding r = rounding_of(m, NULL);
     const bool closed = edges.open == 0 && edges.odd == 0;
-    assert_true(coplanar_cut(m, &edges, &r, &out, &e));
+    assert_true(coplanar_cut(m, &edges, &r, NULL, &out, &e));
     const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};
     assert_true(flat_triangles_remove_thin(m, &thin, &e));
     assert_true(mesh_weld(m, MESH_DROP_IF_CLOSED, &notes, &e));

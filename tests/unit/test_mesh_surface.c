@@ -28,7 +28,7 @@ static mesh_surface *try_to_make(mesh m, double angle, double longest, size_t me
     mesh_notes notes = {0};
     const mesh_patches_params params = {.weld = 1e-6, .feature_angle = angle};
     assert_true(mesh_patches_make(&m, &params, &notes, &patches, e));
-    return mesh_surface_new(&patches, longest, memory, e);
+    return mesh_surface_new(&patches, longest, memory, NULL, e);
 }
 
 static mesh_surface *make(mesh m, double angle, double longest)

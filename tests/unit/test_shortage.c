@@ -56,7 +56,7 @@ static mesh_surface *new_surface(error *e)
     const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0.7};
     mesh_surface *s = NULL;
     if (mesh_copy(&box, mesh_fixture_pool(), &m, e) && mesh_patches_make(&m, &how, &notes, &patches, e))
-        s = mesh_surface_new(&patches, 0.5, (size_t)1 << 30, e);
+        s = mesh_surface_new(&patches, 0.5, (size_t)1 << 30, NULL, e);
     mesh_patches_free(&patches);
     return s;
 }

@@ -466,7 +466,7 @@ static mesh_surface *make_surface(mesh *m)
     mesh_notes notes = {0};
     const mesh_patches_params how = {.weld = 1e-6, .feature_angle = 0};
     assert_true(mesh_patches_make(m, &how, &notes, &patches, &e));
-    mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, &e);
+    mesh_surface *s = mesh_surface_new(&patches, 0.2, (size_t)1 << 30, NULL, &e);
     assert_non_null(s);
     return s;
 }

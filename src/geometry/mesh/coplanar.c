@@ -34,6 +34,7 @@ typedef struct cutting {
     linked_mesh l;
     const mesh *m;
     const rounding *r;
+    threads *pool;     /* for its flag to stop */
     uint32_t *part_of; /* per triangle: the root of its set, which identifies the part */
     part *parts;
     size_t part_count;
@@ -162,6 +163,11 @@ static int by_low(const void *left, const void *right)
     const part *a = left, *b = right;
     if (a->low[0] != b->low[0]) return a->low[0] < b->low[0] ? -1 : 1;
     return (a->first > b->first) - (a->first < b->first);
+}
+
+static bool may_go_on(const cutting *c, error *e)
+{
+    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 static bool list_parts(cutting *c, error *e)
@@ -417,7 +423,8 @@ static bool find_pairs(cutting *c, error *e)
     const double first = count_overlaps(list, c->part_count);
     double fewest = fewer_overlaps * first;
     int best = 0;
-    for (int d = 1; d < DIRECTIONS && first > few_overlaps * (double)c->part_count; d++) {
+    for (int d = 1;
+         d < DIRECTIONS && first > few_overlaps * (double)c->part_count && !threads_stopped(c->pool); d++) {
         list_intervals(c, d, list);
         const double overlaps = count_overlaps(list, c->part_count);
         if (overlaps >= fewest) continue;
@@ -822,13 +829,15 @@ static bool cut_all(cutting *c, mesh *m, coplanar_overlap *out, error *e)
     return c->turned && c->children && treat_pairs(c, e) && (c->unfinished || drop_covered(c, out, e));
 }
 
-bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e)
+bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, threads *pool, coplanar_overlap *out,
+                  error *e)
 {
-    cutting c = {.m = m, .r = r};
+    cutting c = {.m = m, .r = r, .pool = pool};
     c.l.m = m;
     *out = (coplanar_overlap){0};
     mesh before = {0};
-    bool ok = join_parts(&c, edges, e) && list_parts(&c, e) && find_pairs(&c, e);
+    bool ok = join_parts(&c, edges, e) && may_go_on(&c, e) && list_parts(&c, e) && may_go_on(&c, e) &&
+              find_pairs(&c, e) && may_go_on(&c, e);
     if (ok && c.pair_count > 0) {
         c.closed = mem_array(m->triangle_count, sizeof *c.closed, what, e);
         ok = c.closed && contacts_find_closed(m, edges, c.closed, e) && mesh_copy(m, NULL, &before, e) &&

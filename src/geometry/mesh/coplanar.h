@@ -18,6 +18,7 @@
 #include <stdbool.h>
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/rounding.h"
@@ -38,7 +39,8 @@ typedef struct coplanar_overlap {
 
 /* Removes the overlaps of a welded mesh with these edges. Faces within the rounding error `r` are coplanar.
  * m->welded is true afterwards only if no triangle was cut; the mesh is unchanged then. Errors: limit_memory,
- * input_unsupported. */
-bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, coplanar_overlap *out, error *e);
+ * input_unsupported, cancelled. */
+bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, threads *pool, coplanar_overlap *out,
+                  error *e);
 
 #endif

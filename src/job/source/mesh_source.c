@@ -370,8 +370,8 @@ static bool open_read(const mesh_source_request *r, const welded *w, const mesh_
         mesh_patches_free(&patches);
         return false;
     }
-    mesh_surface *surface =
-        mesh_surface_new(&patches, longest_cell(r, &patches), r->as_volume.resolution.memory_limit, e);
+    mesh_surface *surface = mesh_surface_new(&patches, longest_cell(r, &patches),
+                                             r->as_volume.resolution.memory_limit, r->as_volume.pool, e);
     if (!surface) return error_prefix(e, "%s", r->as_volume.path);
     *as_patches = surface;
     *notes = about;

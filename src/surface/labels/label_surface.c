@@ -132,7 +132,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     const mesh_patches_params params = {.spacing = spacing, .kind = made.kind};
     bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e);
     patches.has_many_parts = true;
-    ok = ok && (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, e)) != NULL;
+    ok = ok && (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, r->pool, e)) != NULL;
     label_mesh_free(&made);
     if (ok) find_thin(s);
     return ok;

@@ -595,7 +595,7 @@ static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes,
     const rounding r = rounding_of(m, k->params->pool);
     const bool open = (*edges)->open > 0 || (*edges)->odd > 0;
     coplanar_overlap over;
-    if (!coplanar_cut(m, *edges, &r, &over, e)) return false;
+    if (!coplanar_cut(m, *edges, &r, k->params->pool, &over, e)) return false;
     if (over.unfinished)
         mesh_note(
             notes,

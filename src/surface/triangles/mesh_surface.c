@@ -240,10 +240,15 @@ static bool find_shapes(mesh_surface *s, error *e)
     return true;
 }
 
+static bool may_go_on(const threads *pool, error *e)
+{
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
 /* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the
  * triangles of a scan are smaller than the spacing, and noisy. Skips one-sided patches, where signs may
  * differ. */
-static bool smooth_shapes(mesh_surface *s, double longest, error *e)
+static bool smooth_shapes(mesh_surface *s, double longest, threads *pool, error *e)
 {
     const mesh *m = &s->mesh.m;
     const double side = sqrt(mesh_area(m) / fmax((double)m->triangle_count, 1)), /* of a triangle, about */
@@ -252,7 +257,7 @@ static bool smooth_shapes(mesh_surface *s, double longest, error *e)
     sym3 *sum = rounds > 0 ? mem_array(m->vertex_count, sizeof *sum, what, e) : NULL;
     double *weight = rounds > 0 ? mem_array(m->vertex_count, sizeof *weight, what, e) : NULL;
     const bool ok = rounds == 0 || (sum && weight);
-    for (int round = 0; ok && round < rounds; round++) {
+    for (int round = 0; ok && round < rounds && !threads_stopped(pool); round++) {
         for (size_t v = 0; v < m->vertex_count; v++) {
             sum[v] = s->shape[v];
             weight[v] = 1;
@@ -269,7 +274,7 @@ static bool smooth_shapes(mesh_surface *s, double longest, error *e)
     }
     free(sum);
     free(weight);
-    return ok;
+    return ok && may_go_on(pool, e);
 }
 
 /* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of
@@ -916,7 +921,7 @@ static bool make_patches(mesh_surface *s, error *e)
     return make_tree_of_trees(s, e);
 }
 
-static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
+static bool make(mesh_surface *s, double longest, size_t memory_limit, threads *pool, error *e)
 {
     const mesh *m = &s->mesh.m;
     const bbox box = mesh_box(m, NULL);
@@ -931,19 +936,21 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, error *e)
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     if (!s->shape || !s->at_end || !s->beside) return false;
-    if (!find_shapes(s, e) || !smooth_shapes(s, longest, e) || !find_sides(s, e) ||
-        !cut_pieces(s, longest, memory_limit, e) || !make_patches(s, e))
+    if (!may_go_on(pool, e) || !find_shapes(s, e) || !smooth_shapes(s, longest, pool, e) ||
+        !find_sides(s, e) || !may_go_on(pool, e) || !cut_pieces(s, longest, memory_limit, e) ||
+        !make_patches(s, e))
         return false;
     s->base.patches = &s->patches;
     return true;
 }
 
-mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e)
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, threads *pool,
+                               error *e)
 {
     mesh_surface *s = mem_alloc(sizeof *s);
     s->mesh = *patches;
     *patches = (mesh_patches){0};
-    if (make(s, longest, memory_limit, e)) return s;
+    if (make(s, longest, memory_limit, pool, e)) return s;
     mesh_surface_free(s);
     return NULL;
 }

@@ -13,6 +13,7 @@
 #define HEXAD_SURFACE_TRIANGLES_MESH_SURFACE_H
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/field/field.h"
 #include "surface/triangles/mesh_patches.h"
 #include "surface/triangles/mesh_place.h"
@@ -22,8 +23,9 @@ typedef struct mesh_surface mesh_surface;
 /* Takes ownership of *patches and zeroes it, also on failure. `longest`: maximum edge length of a piece, and
  * of a triangle where the surface bends. `memory_limit`: maximum size, in bytes, of the triangles, the
  * pieces, and the data that a scan of the surface (surface_scan) keeps for each piece. NULL on error:
- * no_surface (no area), limit_memory. */
-mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, error *e);
+ * no_surface (no area), limit_memory, cancelled. */
+mesh_surface *mesh_surface_new(mesh_patches *patches, double longest, size_t memory_limit, threads *pool,
+                               error *e);
 void mesh_surface_free(mesh_surface *s); /* accepts NULL */
 
 /* Frees the shape operators: the second derivatives of the field are 0 then. No other thread uses the surface. */
