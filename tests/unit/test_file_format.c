@@ -236,11 +236,11 @@ static bool has_row(const char *text, const char *format, const char *rest)
     return found;
 }
 
-static void page_of_volumes_has_the_up_axis_of_each_mesh(void **state)
+static void page_of_meshes_has_the_up_axis_of_each_mesh(void **state)
 {
     (void)state;
-    char *page = read_page("volumes.md"), *section = strstr(page, "### Up axis"),
-         *end = strstr(section, "#### Flat base");
+    char *page = read_page("meshes.md"), *section = strstr(page, "## Up axis"),
+         *end = strstr(section, "\nThe flat base");
     *end = 0;
     FOR_EACH(k, row)
     {
@@ -332,7 +332,7 @@ int main(void)
         cmocka_unit_test(table_of_writers_is_complete),
         cmocka_unit_test(meshes_that_are_not_read_are_refused_with_advice),
         cmocka_unit_test(page_of_formats_has_the_table),
-        cmocka_unit_test(page_of_volumes_has_the_up_axis_of_each_mesh),
+        cmocka_unit_test(page_of_meshes_has_the_up_axis_of_each_mesh),
         cmocka_unit_test(page_of_meshes_names_formats_that_are_not_read),
         cmocka_unit_test(page_of_inspections_names_volumes),
         cmocka_unit_test(members_of_the_spec_name_the_formats),

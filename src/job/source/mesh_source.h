@@ -30,7 +30,7 @@ typedef struct mesh_source_request {
     volume_mesh_request as_volume;
 } mesh_source_request;
 
-/* Opens the mesh either as patches or as a volume, by the table in doc/volumes.md. Patches are transformed
+/* Opens the mesh either as patches or as a volume, by the table in doc/meshes.md. Patches are transformed
  * and cut, a volume is not. *notes: notes on the patches. *origin: the vector that was subtracted from all
  * coordinates, without rounding; 0 unless may_move is set and the mesh is far from the origin. Errors, after
  * which the outputs are unchanged: those of volume_of_mesh and mesh_surface_new, prefixed with the path. */

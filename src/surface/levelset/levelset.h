@@ -4,7 +4,7 @@
  * Distances are exact, to the closest point of the triangles of a solid. The sign is that of the winding
  * number, so that cavities, overlaps and any orientation of the file are correct. The union of the solids
  * takes the minimum of their distances. OpenVDB's meshToVolume was measured and is not used: see
- * doc/volumes.md.
+ * doc/meshes.md.
  */
 #ifndef HEXAD_SURFACE_LEVELSET_LEVELSET_H
 #define HEXAD_SURFACE_LEVELSET_LEVELSET_H
