@@ -120,8 +120,9 @@ PLATE = "".join(f"v {x} {y} {z}\n" for z in (0, 1e-5) for y in (0, 1) for x in (
 def test_a_warning_of_thin_walls_does_not_ask_for_more_points_than_the_maximum(estimate, tmp_path):
     (tmp_path / "plate.obj").write_text(PLATE)
     found = estimate(sphere(surface={"mesh": {"path": "plate.obj"}}, sampling={"count": 5000000}))
-    (warning,), (advice,) = found["warnings"], found["advice"]
-    assert "the maximum of 100000000 points" in warning and "ask for" not in warning, warning
+    advice, walls = found["advice"]
+    assert walls["code"] == "thin_walls" and found["warnings"] == []
+    assert "the maximum of 100000000 points" in walls["message"] and "ask for" not in walls["message"], walls
     assert advice["set"] == {} and "the maximum of 100000000 points" in advice["message"], advice
 
 
@@ -132,7 +133,7 @@ def test_advice_names_no_memory_that_no_job_may_have(new_service, tmp_path):
     needed = None
     for most in (4000, 120):
         service = new_service("--input_roots", tmp_path, "--host_memory_mb", most, "--memory_mb", 100).start()
-        (advice,) = service.post("/v1/jobs:validate", spec).json["estimate"]["advice"]
+        advice, _ = service.post("/v1/jobs:validate", spec).json["estimate"]["advice"]
         if most == 4000:
             needed = advice["set"]["/limits/memory_mb"]
             assert 120 < needed <= 4000, advice

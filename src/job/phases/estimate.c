@@ -160,11 +160,11 @@ static void describe_resolution(const job *j, int64_t held, json *warnings, json
     const double thinnest = source_thinnest_wall(&j->source, j->spec);
     const advice_resolution to =
         advice_resolve(j->scan->area, j->count, advice_factor(&c, thinnest), thinnest);
-    advice_put_walls(advice, warnings, j->spec, c.unresolved_share, true, to);
     advice_append_resolution(advice, j->spec, j->scan->area, to,
                              &(advice_memory){memory_for(j, held, to.count) / (1 << 20),
                                               (double)j->memory / (1 << 20),
                                               (double)j->options->most_memory_mb});
+    advice_put_walls(advice, warnings, j->spec, c.unresolved_share, true, to);
 }
 
 /* `weights_s`: the part of the seconds for the weights; NAN: unknown. `missing`: the reason why there are no seconds, or

@@ -93,7 +93,6 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
     const double area = facts->scan->area;
     const advice_resolution to =
         advice_resolve(area, count, walls->factor, source_thinnest_wall(facts->source, facts->spec));
-    advice_put_walls(advice, warnings, facts->spec, walls->share, walls->of_surface, to);
     if (facts->result->outcome != OUTCOME_CONVERGED &&
         (to.reached || to.count > WORTH_ADVICE * (double)count))
         advice_append_resolution(advice, facts->spec, area, to,
@@ -102,6 +101,7 @@ static void put_thin_walls(json *advice, json *warnings, const report_facts *fac
                                                       (1 << 20),
                                                   facts->memory_limit / (1 << 20),
                                                   facts->most_memory / (1 << 20)});
+    advice_put_walls(advice, warnings, facts->spec, walls->share, walls->of_surface, to);
 }
 
 /* Advice on the labels comes first: ragged or thin labels are the cause, and more points the costly remedy. A
