@@ -5,7 +5,7 @@
     measurements/measures/adversarial.py --worker build/hexad-worker [--output measurements/measures/adversarial.csv] [--only WORD] [--seed 1]
 
 Shares no code with the project. Each triangle is clipped by the bisectors of the points that can be nearest to one of its places. Normals of
-points on smooth places are those of points.ply, which also decide in hexad; on curves those of the triangles there.
+points on smooth places are those of points.ply, which also decide in hexad; on creases those of the triangles there.
 """
 import argparse
 import json
@@ -26,6 +26,8 @@ from readers import read_columns  # noqa: E402
 
 BOUNDS = {"hex_fraction": 0.002, "edge_cv": 0.002, "coverage": 0.002, "defect_share": 0.005, "edge_skipped_share": 0.002}
 OPPOSITE, LEAST_SIDE, FOLD, ON = -0.4, 1e-6, 0.5, 1e-6
+# Faces whose normals have a smaller cosine meet in a crease.
+CREASE = 0.7
 
 
 # ---- surfaces
@@ -285,7 +287,9 @@ def measure(mesh, table, one_sided):
         d = mesh.distances(x[i])
         piece[i] = mesh.piece[d.argmin()]
         on = np.flatnonzero(d <= d.min() + ON * h[i])
-        normals.append(mesh.normal[on] if on_curve[i] else np.array([[table[n][i] for n in ("nx", "ny", "nz")]], float))
+        own = np.array([[table[n][i] for n in ("nx", "ny", "nz")]], float)
+        creased = on_curve[i] and (mesh.normal[on] @ mesh.normal[on].T).min() < CREASE
+        normals.append(mesh.normal[on] if creased else own)
         if on_curve[i]:
             angle[i], border[i] = angle_at(mesh, x[i], on, h[i])
     most = max(len(n) for n in normals)
