@@ -39,6 +39,11 @@ typedef struct xml {
 /* Reads the document as UTF-8. */
 xml_result xml_read(xml *x);
 
+/* A copy in UTF-8 of a document in UTF-16, ISO-8859-1 or windows-1252, by its first bytes or its declaration; a byte 0
+ * follows. Data from the tag AppendedData of VTK on are copied as they are. The caller frees it. NULL: no copy is needed,
+ * or there is no memory; *size is unchanged. */
+char *xml_in_utf8(const char *data, size_t *size);
+
 /* In `begin` and `end`: the line of the tag, and where it begins and ends in the data. */
 unsigned long xml_line(const xml *x);
 size_t xml_tag_begin(const xml *x);

@@ -81,7 +81,7 @@ static bool read_array(reader *r, const mesh *m, mesh_reader_values *head, float
         head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
         return reader_invalid(e);
     for (char *p = head->name; *p; p++) /* the name comes from the file */
-        if (*p < ' ' || *p > '~') *p = '?';
+        if ((unsigned char)*p < ' ' || *p == 0x7F) *p = '?';
     *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
     return *value && reader_get(r, *value, head->components * sizeof **value, m->vertex_count, e);
 }

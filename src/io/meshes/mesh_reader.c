@@ -116,6 +116,7 @@ typedef struct walk {
     uint64_t polygons, corners; /* corners: number of corners of all polygons */
     size_t first;               /* index of the first vertex of the current mesh */
     bool failed;
+    const float (*ply_color)[4]; /* of the vertices of a PLY file, as ply_values read them; or NULL */
     bool is_gltf;                /* colours are linear, and skinned meshes are not placed by their nodes */
     struct aiMatrix4x4 to_world; /* of the root */
     unsigned group;              /* number of the visited node among those that have meshes */
@@ -250,6 +251,10 @@ static bool mesh_has(const struct aiMesh *mesh, const values *v)
 /* A colour in sRGB. The library has an opacity of 0 for colours of three components. */
 static void color_at(const walk *w, const struct aiMesh *mesh, const values *v, unsigned n, float out[4])
 {
+    if (w->ply_color && v->slot == 0) {
+        memcpy(out, w->ply_color[n], 4 * sizeof *out);
+        return;
+    }
     const struct aiColor4D c = mesh->mColors[v->slot][n];
     memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
     if (!w->is_gltf) return;
@@ -351,6 +356,7 @@ static void answer_values(walk *w, const ply_values *own)
     aiIdentityMatrix4(&identity);
     if (own->vertices == w->header.vertices) {
         more = own->count;
+        if (w->scene->mNumMeshes == 1) w->ply_color = (const float(*)[4])own->color;
         count = remove_named(list, count, own);
     }
     if (more > MESH_VALUES_MOST - count) more = MESH_VALUES_MOST - count;
@@ -655,6 +661,11 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
             "base_color is not read from such files: save it as glTF, OBJ, PLY, 3MF or COLLADA "
             "with its textures");
     if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    if (format == FILE_FORMAT_VTP || format == FILE_FORMAT_VTK || format == FILE_FORMAT_GIFTI ||
+        format == FILE_FORMAT_COLLADA) {
+        char *text = xml_in_utf8(b.data, &b.size);
+        if (text) b.data = text;
+    }
     if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
     if (plain_mesh_is_only_reader(argv[1])) {
         /* the library reads the values of some formats, and numbers up to their comma */
@@ -676,6 +687,14 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
         (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    if (own.refused) {
+        plain_mesh_refuse(
+            &plain, ERROR_INPUT_UNSUPPORTED,
+            "its colours are numbers of type \"%s\", some below 0 or above 255, whose range is not known. Save "
+            "them as uchar.",
+            own.refused);
+        _exit(answer_fault(plain.refused, plain.text));
+    }
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     library_scene_listen(also == TEXTURES);
     const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);

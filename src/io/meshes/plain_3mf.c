@@ -122,9 +122,14 @@ static bool read_bytes(package *p, const char *path, char **out, size_t *length)
 static bool read_entry(package *p, const char *path, char **out, size_t *length)
 {
     if (!read_bytes(p, path, out, length)) return false;
+    char *text = xml_in_utf8(*out, length);
+    if (text) {
+        free(*out);
+        *out = text;
+    }
     if (!memchr(*out, 0, *length)) return true;
-    free(*out); /* the standard permits UTF-16 */
-    return plain_mesh_refuse(p->out, ERROR_INPUT_UNSUPPORTED, "its text is not UTF-8. Save it as UTF-8.");
+    free(*out);
+    return damaged(p, "its text has bytes that are 0");
 }
 
 /* Returns the address for one more item. NULL: the file is refused. */

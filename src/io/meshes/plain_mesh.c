@@ -177,6 +177,9 @@ static bool read_as(const char *ending, const char *data, size_t size, plain_mes
 {
     const file_format named = file_format_of_name(ending);
     const mesh_format *format = &readers[named];
+    const size_t mark = strncmp(data, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0; /* of UTF-8 */
+    data += mark;
+    size -= mark;
     if (format->read && format->read(data, size, out) &&
         check_vertices(file_formats[named].name, data, out) && (out->triangles > 0 || format->is_final))
         return true;

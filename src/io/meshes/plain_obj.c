@@ -245,8 +245,8 @@ static bool read_lines(const char *data, obj_facts *facts, plain_mesh *out)
             at++;
             facts->words++;
             if (!read_vertex(data, &at, facts, out)) return false;
-        } else if (blank && kind == 'f') {
-            at++;
+        } else if (kind == 'f' && (blank || (at[1] == 'o' && (at[2] == ' ' || at[2] == '\t')))) {
+            at += 1 + !blank; /* "fo" is a face of old files */
             facts->words++;
             if (!read_face(data, &at, facts, out)) return false;
         } else {

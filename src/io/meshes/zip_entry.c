@@ -6,6 +6,9 @@
 #include <string.h>
 
 #include <minizip/unzip.h>
+#include <zlib.h>
+
+#include "base/core/number.h"
 
 /* The archive in memory, for the library's I/O callbacks. */
 typedef struct memory {
@@ -19,14 +22,16 @@ static voidpf open_memory(voidpf opaque, const void *name, int mode)
     return opaque;
 }
 
+/* Zeros follow the archive: the library reads whole buffers of an entry whose packed size it does not know (size_of). */
 static uLong read_memory(voidpf opaque, voidpf stream, void *to, uLong size)
 {
     memory *m = stream;
     const size_t left = m->size - m->at, count = size < left ? size : left;
     (void)opaque;
     memcpy(to, m->data + m->at, count);
+    memset((char *)to + count, 0, size - count);
     m->at += count;
-    return count;
+    return size;
 }
 
 static uLong write_nothing(voidpf opaque, voidpf stream, const void *from, uLong size)
@@ -44,11 +49,12 @@ static ZPOS64_T tell_memory(voidpf opaque, voidpf stream)
 static long seek_memory(voidpf opaque, voidpf stream, ZPOS64_T offset, int origin)
 {
     memory *m = stream;
+    /* the library passes negative offsets as large ones: sums wrap around */
     const size_t base = origin == ZLIB_FILEFUNC_SEEK_END   ? m->size
                         : origin == ZLIB_FILEFUNC_SEEK_CUR ? m->at
                                                            : 0;
     (void)opaque;
-    if (offset > m->size - base) return -1;
+    if (base + (size_t)offset > m->size) return -1;
     m->at = base + (size_t)offset;
     return 0;
 }
@@ -59,13 +65,30 @@ static int close_memory(voidpf opaque, voidpf stream)
     return 0;
 }
 
+/* The size of an entry from its ZIP64 field, which minizip 1.1 does not compare with 32 bits of ones. */
+static uint64_t size_of(const unz_file_info64 *info, const unsigned char *extra, size_t length)
+{
+    enum { HEAD = 4, ZIP64 = 1 };
+    const size_t known = info->size_file_extra < length ? info->size_file_extra : length;
+    if (info->uncompressed_size != UINT32_MAX) return info->uncompressed_size;
+    for (size_t at = 0; at + HEAD + sizeof(uint64_t) <= known;) {
+        if (number_whole(extra + at, NUMBER_UINT16, NUMBER_LITTLE_SWAPPED) == ZIP64)
+            return (uint64_t)number_whole(extra + at + HEAD, NUMBER_INT64, NUMBER_LITTLE_SWAPPED);
+        at += HEAD + (size_t)number_whole(extra + at + 2, NUMBER_UINT16, NUMBER_LITTLE_SWAPPED);
+    }
+    return info->uncompressed_size;
+}
+
 /* Unpacks the open entry. */
 static zip_result unpack(unzFile archive, char **out, size_t *length)
 {
+    enum { EXTRA = 256 };
     unz_file_info64 info;
-    if (unzGetCurrentFileInfo64(archive, &info, NULL, 0, NULL, 0, NULL, 0) != UNZ_OK ||
-        info.uncompressed_size > SIZE_MAX / 2)
+    unsigned char extra[EXTRA];
+    if (unzGetCurrentFileInfo64(archive, &info, NULL, 0, extra, sizeof extra, NULL, 0) != UNZ_OK)
         return ZIP_ENTRY_DAMAGED;
+    info.uncompressed_size = size_of(&info, extra, sizeof extra);
+    if (info.uncompressed_size > SIZE_MAX / 2) return ZIP_ENTRY_DAMAGED;
     char *text = malloc((size_t)info.uncompressed_size + 1);
     size_t done = 0;
     if (!text) return ZIP_ENTRY_NO_MEMORY;
@@ -76,7 +99,8 @@ static zip_result unpack(unzFile archive, char **out, size_t *length)
         done += (size_t)got;
     }
     text[done] = 0;
-    const bool is_whole = unzCloseCurrentFile(archive) == UNZ_OK && done == info.uncompressed_size;
+    const bool is_whole = unzCloseCurrentFile(archive) == UNZ_OK && done == info.uncompressed_size &&
+                          crc32_z(0, (const unsigned char *)text, done) == info.crc;
     if (!is_whole) {
         free(text);
         return ZIP_ENTRY_DAMAGED;

@@ -172,12 +172,27 @@ static bool read_library(const attribute_request *request, const char *name, boo
     return true;
 }
 
+/* Reads the file that a line names, or if there is none, the files that its words name. */
+static bool read_line_of_libraries(const attribute_request *request, const char *line, bool *found,
+                                   textured_mesh *t, error *e)
+{
+    error fault = {0};
+    if (read_library(request, line, found, t, &fault)) return true;
+    char *words = mem_strdup(line), *rest = NULL, *word = strtok_r(words, " \t", &rest);
+    const bool has_words = fault.code == ERROR_INPUT_MISSING && word && strcmp(word, line) != 0;
+    bool ok = has_words;
+    for (; ok && word; word = strtok_r(NULL, " \t", &rest)) ok = read_library(request, word, found, t, e);
+    free(words);
+    if (!has_words) *e = fault;
+    return ok;
+}
+
 static bool read_libraries(const attribute_request *request, textured_mesh *t, error *e)
 {
     mesh_textures *all = &t->textures;
     bool *found = mem_alloc(all->materials + 1), ok = true;
     for (size_t k = 0; ok && k < all->libraries; k++)
-        ok = read_library(request, all->library[k], found, t, e);
+        ok = read_line_of_libraries(request, all->library[k], found, t, e);
     for (size_t k = 0; ok && all->libraries > 0 && k < all->materials; k++)
         if (!found[k])
             warn(t, "the material \"%.80s\" is in no file of materials: it is white", all->material[k].name);
@@ -318,6 +333,30 @@ typedef struct place {
     uint32_t material;
 } place;
 
+/* Finds the corners of a polygon that are the corners of its triangle. A vertex may be several corners, as along the seam
+ * of a polygon around a hole: those that are nearest to each other along the polygon count. */
+static void find_corners(const mesh_polygons *p, uint32_t polygon, const uint32_t corner[3], size_t out[3])
+{
+    enum { PLACES = 4 };
+    const uint32_t *own = p->corner + p->first[polygon];
+    const size_t size = p->size[polygon];
+    size_t at[3][PLACES], count[3] = {0, 0, 0}, least = SIZE_MAX;
+    for (int k = 0; k < 3; k++)
+        for (size_t n = 0; n < size && count[k] < PLACES; n++)
+            if (own[n] == corner[k]) at[k][count[k]++] = n;
+    for (size_t n = 0; n < count[0] * count[1] * count[2] && least > 0; n++) {
+        const size_t i[3] = {at[0][n % count[0]], at[1][n / count[0] % count[1]],
+                             at[2][n / count[0] / count[1]]};
+        size_t length = 0;
+        for (int k = 0; k < 3; k++) {
+            const size_t a = i[k], b = i[(k + 1) % 3], along = a > b ? a - b : b - a;
+            length += along < size - along ? along : size - along;
+        }
+        if (length < least) memcpy(out, i, sizeof i);
+        least = length < least ? length : least;
+    }
+}
+
 /* Sets the place of a point and the product of the factor and the colours of the vertices. */
 static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corner[3], const double weight[3],
                    place *out, double color[4])
@@ -327,9 +366,10 @@ static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corn
     double uv[2] = {0, 0}, tint[4] = {0, 0, 0, 0};
     out->material = all->polygon_material[polygon];
     const mesh_material *m = out->material == MESH_TEXTURES_NONE ? &white : &all->material[out->material];
+    size_t found[3] = {0, 0, 0};
+    find_corners(&t->polygons, polygon, corner, found);
     for (int k = 0; k < 3; k++) {
-        const size_t at =
-            t->polygons.first[polygon] + mesh_polygons_find_corner(&t->polygons, polygon, corner[k]);
+        const size_t at = t->polygons.first[polygon] + found[k];
         for (int c = 0; c < 2; c++) uv[c] += weight[k] * all->uv[at][c];
         for (int c = 0; all->color && c < 4; c++) tint[c] += weight[k] * (double)all->color[at][c];
     }
