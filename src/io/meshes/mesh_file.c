@@ -224,6 +224,7 @@ bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, s
     if (!memchr(h.warnings, 0, sizeof h.warnings)) return reader_invalid(e);
     reader_blank(h.warnings, "\n");
     memcpy(out->warnings, h.warnings, sizeof out->warnings);
+    out->unlisted = h.unlisted;
     return read_images(r, memory_limit, out, e) && read_corners(r, polygons, corners, h.has_colors, out, e);
 }
 
@@ -287,14 +288,26 @@ static void note_lines(mesh_notes *notes, char *text)
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) mesh_note(notes, "%s", line);
 }
 
+/* Adds the warnings of the reader to the error of a mesh without triangles: they say what was skipped. */
+static void name_skipped(char *text, error *e)
+{
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+        const size_t length = strlen(e->message);
+        snprintf(e->message + length, sizeof e->message - length, "; %s", line);
+    }
+}
+
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e)
 {
     mesh m = {0};
     char *text = NULL;
     size_t unused = 0;
-    bool ok = read_header(r, header, &text, e) &&
-              mesh_check_counts(header->vertices, header->triangles, header->others, memory_limit, e);
+    bool ok = read_header(r, header, &text, e);
+    if (ok && !mesh_check_counts(header->vertices, header->triangles, header->others, memory_limit, e)) {
+        if (e->code == ERROR_NO_SURFACE) name_skipped(text, e);
+        ok = false;
+    }
     if (ok) {
         m.vertex_count = header->vertices;
         m.triangle_count = header->triangles;

@@ -56,6 +56,7 @@ typedef struct mesh_textures {
     double (*uv)[2];                        /* per corner of a polygon; NaN: there are none */
     float (*color)[4];                      /* per corner, multiplied with the image; NULL: all are 1 */
     char warnings[MESH_TEXTURES_TEXT_SIZE]; /* one a line */
+    uint32_t unlisted;                      /* number of further warnings */
 } mesh_textures;
 
 void mesh_textures_free(mesh_textures *t); /* accepts a zeroed object */
@@ -69,7 +70,7 @@ mesh_material mesh_textures_white(void);
 
 /* Heads of the part of the reader's answer that has the textures (mesh_reader.h). */
 typedef struct mesh_textures_header {
-    uint32_t materials, images, libraries, has_colors;
+    uint32_t materials, images, libraries, has_colors, unlisted;
     char warnings[MESH_TEXTURES_TEXT_SIZE];
 } mesh_textures_header;
 

@@ -217,6 +217,7 @@ static bool read_transform(package *p, const char *at, double out[16])
     /* line breaks in attributes were converted to spaces */
     for (int k = 0; at && k < NUMBERS_OF_TRANSFORM; k++)
         if (!plain_mesh_number(&at, &number[k])) return damaged(p, "a transform is not twelve numbers");
+    if (at && at[strspn(at, " ")]) return damaged(p, "a transform has more than twelve numbers");
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 4; k++) out[4 * i + k] = number[3 * k + i];
     for (int k = 0; k < 4; k++) out[12 + k] = k == 3;

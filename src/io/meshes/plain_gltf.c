@@ -101,14 +101,16 @@ static int base64_digit(char c)
     return found ? (int)(found - digits) : -1;
 }
 
-static bool decode_base64(gltf *g, const char *text, size_t length, size_t index, buffer *out)
+/* `what`: "base64 data of buffer" or of another object with this index, for messages. */
+static bool decode_base64(gltf *g, const char *text, size_t length, const char *what, size_t index,
+                          buffer *out)
 {
     uint32_t bits = 0;
     char *to = out->decoded = malloc(length / 4 * 3 + 4);
     if (!to) return no_memory(g);
     for (size_t k = 0; k < length && text[k] != '='; k++) {
         const int digit = base64_digit(text[k]);
-        if (digit < 0) return damaged(g, "base64 data of buffer", index);
+        if (digit < 0) return damaged(g, what, index);
         bits = bits << 6 | (uint32_t)digit;
         if (k % 4 == 3)
             for (int shift = 16; shift >= 0; shift -= 8) *to++ = (char)(bits >> shift & 0xFF);
@@ -140,16 +142,40 @@ static char next_character(const char **at)
 }
 
 /* Decodes base64 data of a data URI, whose characters may be percent-encoded. */
-static bool decode(gltf *g, const char *uri, size_t index, buffer *out)
+static bool decode(gltf *g, const char *uri, const char *what, size_t index, buffer *out)
 {
     char *text = malloc(strlen(uri) + 1);
     if (!text) return no_memory(g);
     size_t length = 0;
     for (const char *at = uri; *at;) text[length++] = next_character(&at);
     text[length] = 0;
-    const bool ok = decode_base64(g, text, length, index, out);
+    const bool ok = decode_base64(g, text, length, what, index, out);
     free(text);
     return ok;
+}
+
+static bool is_separate(const char *uri)
+{
+    return uri && strncmp(uri, "data:", 5) != 0;
+}
+
+static bool refuse_separate(gltf *g, const char *uri)
+{
+    return plain_mesh_refuse(
+        g->out, ERROR_INPUT_MISSING,
+        "its buffer \"%.200s\" is a separate file, which is not read. Save the mesh as .glb, which contains its data.",
+        uri);
+}
+
+/* Leaves a mesh that is compressed with Draco to the library, which has no access to separate files. */
+static bool leave(gltf *g)
+{
+    for (size_t k = 0; k < g->buffers.count; k++) {
+        const char *uri = json_string(member(g->buffers.item[k], "uri"), NULL);
+        if (is_separate(uri)) return refuse_separate(g, uri);
+    }
+    g->is_left = true;
+    return false;
 }
 
 static bool load(gltf *g, size_t index, buffer *out)
@@ -160,13 +186,9 @@ static bool load(gltf *g, size_t index, buffer *out)
     if (uri && strncmp(uri, "data:", 5) == 0) {
         const char *text = strstr(uri, ";base64,");
         if (!text) return damaged(g, "no base64 data in buffer", index);
-        if (!decode(g, text + strlen(";base64,"), index, out)) return false;
+        if (!decode(g, text + strlen(";base64,"), "base64 data of buffer", index, out)) return false;
     } else if (uri) {
-        return plain_mesh_refuse(
-            g->out, ERROR_INPUT_MISSING,
-            "its buffer \"%.200s\" is a separate file, which is not read. Save the mesh as .glb, "
-            "which contains its data.",
-            uri);
+        return refuse_separate(g, uri);
     } else if (index == 0 && g->bin) {
         *out = (buffer){g->bin, g->bin_size, NULL};
     } else {
@@ -446,10 +468,8 @@ static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
     }
     const json *accessor = item_at(&g->accessors, places);
     if (json_member(&extensions, "KHR_draco_mesh_compression").node &&
-        (!accessor || !member(accessor, "bufferView").node)) {
-        g->is_left = true;
-        return false;
-    }
+        (!accessor || !member(accessor, "bufferView").node))
+        return leave(g);
     if (places < 0) return true; /* no positions: the primitive is not drawn */
     size_t vertices = 0, corners = 0;
     const size_t first = g->out->vertices;
@@ -617,7 +637,7 @@ static bool add_data_uri(gltf *g, const char *uri, size_t index, const char *nam
     buffer b = {0};
     const char *text = strstr(uri, ";base64,");
     if (!text) return damaged(g, "no base64 data in image", index);
-    const bool ok = decode(g, text + strlen(";base64,"), index, &b) &&
+    const bool ok = decode(g, text + strlen(";base64,"), "base64 data of image", index, &b) &&
                     plain_textures_add_image(g->out, name, b.data, b.size, &g->image_index[index]);
     free(b.decoded);
     return ok;
@@ -829,16 +849,20 @@ static void warn_of_extensions(gltf *g)
     }
 }
 
+static bool refuse_first(plain_mesh *m)
+{
+    return plain_mesh_refuse(
+        m, ERROR_INPUT_UNSUPPORTED,
+        "it is glTF 1.0, which is not read. Convert it to glTF 2.0 (gltf-pipeline -i FILE -o FILE.glb).");
+}
+
 static bool check_document(gltf *g)
 {
     json_at root = json_root(g->root), asset = json_member(&root, "asset"),
             required = json_member(&root, "extensionsRequired");
     const char *version = json_string(json_member(&asset, "version"), ""),
                *least = json_string(json_member(&asset, "minVersion"), "2.0");
-    if (version[0] == '1') {
-        g->is_left = true;
-        return false;
-    }
+    if (version[0] == '1') return refuse_first(g->out);
     if (version[0] != '2' || strcmp(least, "2.0") != 0)
         return plain_mesh_refuse(g->out, ERROR_INPUT_UNSUPPORTED,
                                  "it requires glTF %.20s. Save it as glTF 2.0.",
@@ -940,6 +964,7 @@ bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out)
     const char *text = data;
     size_t length = size;
     const bool is_binary = size >= MAGIC_BYTES && memcmp(data, "glTF", MAGIC_BYTES) == 0;
+    if (is_binary && size >= HEAD && word_at(data + MAGIC_BYTES) == 1) return refuse_first(out);
     if (is_binary && !split(data, size, &text, &length, &g)) return false;
     /* remove padding */
     while (length > 0 && (text[length - 1] == ' ' || text[length - 1] == 0)) length--;

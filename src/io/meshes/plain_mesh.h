@@ -135,8 +135,8 @@ bool plain_mesh_read_xml(plain_mesh *m, xml *document, const char *what);
 /* Makes room for n items of an array, which grows by a factor. False: memory is out, and the file is refused. */
 bool plain_mesh_make_room(plain_mesh *m, void **items, size_t *room, size_t n, size_t size);
 
-/* Adds a line to a text, unless there is no room for it. */
-void plain_mesh_append(char *text, size_t size, const char *format, va_list arguments);
+/* Adds a line to a text. False: there is no room for it. */
+bool plain_mesh_append(char *text, size_t size, const char *format, va_list arguments);
 
 /* Adds a warning to m->text, unless there is no room for it. */
 void plain_mesh_warn(plain_mesh *m, const char *format, ...) __attribute__((format(printf, 2, 3)));

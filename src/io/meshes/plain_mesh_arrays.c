@@ -173,16 +173,17 @@ bool plain_mesh_refuse(plain_mesh *m, error_code code, const char *format, ...)
     return false;
 }
 
-void plain_mesh_append(char *text, size_t size, const char *format, va_list arguments)
+bool plain_mesh_append(char *text, size_t size, const char *format, va_list arguments)
 {
     const size_t used = strlen(text), begin = used > 0 ? used + 1 : 0;
     va_list again;
     va_copy(again, arguments);
     const int length = vsnprintf(NULL, 0, format, again);
     va_end(again);
-    if (length < 0 || begin + (size_t)length >= size) return;
+    if (length < 0 || begin + (size_t)length >= size) return false;
     if (used > 0) text[used] = '\n';
     vsnprintf(text + begin, size - begin, format, arguments);
+    return true;
 }
 
 void plain_mesh_warn(plain_mesh *m, const char *format, ...)

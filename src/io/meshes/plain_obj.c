@@ -161,8 +161,9 @@ static bool read_face(const char *data, const char **at, obj_facts *facts, plain
         if (!read_corner(at, out, &out->corner[count]))
             return plain_mesh_refuse_at(
                 out, facts->text, facts->text + (word - data),
-                "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. Write vertices before faces.",
-                (int)strcspn(word, " \t\r\n"), word, out->vertices);
+                "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. %s",
+                (int)strcspn(word, " \t\r\n"), word, out->vertices,
+                strtoll(word, NULL, 10) == 0 ? "Count vertices from 1." : "Write vertices before faces.");
         if (out->textures && !keep_coordinates(word, count, facts, out)) return false;
         count++;
     }

@@ -84,7 +84,8 @@ void plain_textures_warn(plain_mesh *m, const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    plain_mesh_append(m->textures->all.warnings, sizeof m->textures->all.warnings, format, arguments);
+    m->textures->all.unlisted +=
+        !plain_mesh_append(m->textures->all.warnings, sizeof m->textures->all.warnings, format, arguments);
     va_end(arguments);
 }
 
@@ -132,7 +133,8 @@ bool plain_textures_answer(const plain_mesh *m)
     mesh_textures_header head = {.materials = (uint32_t)t->materials,
                                  .images = (uint32_t)t->images,
                                  .libraries = (uint32_t)t->libraries,
-                                 .has_colors = t->color != NULL};
+                                 .has_colors = t->color != NULL,
+                                 .unlisted = t->unlisted};
     memcpy(head.warnings, t->warnings, sizeof head.warnings);
     bool ok = reader_write(&head, sizeof head) &&
               reader_write(t->material, t->materials * sizeof *t->material) &&

@@ -61,6 +61,7 @@ static void warn_of_textures(textured_mesh *t, const mesh_textures *read)
         warn(t, "%.*s", (int)length, at);
         at += length;
     }
+    t->unlisted += read->unlisted;
 }
 
 /* ---- files beside the mesh */
