@@ -329,6 +329,20 @@ static bool has_sample_option(const sample_options *o)
     return o->count || o->spacing || o->grade || o->pattern || o->frames || o->name || o->set_count > 0;
 }
 
+/* Puts "./" before words that begin with a single `-`, as -lead.obj: the worker has no short options, so they are files.
+ * The words are never freed. */
+static void name_files(int argc, char **argv, const struct option *options)
+{
+    bool is_value = false;
+    for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++) {
+        const bool is_option = strncmp(argv[i], "--", 2) == 0;
+        if (!is_value && !is_option && argv[i][0] == '-' && argv[i][1]) argv[i] = mem_printf("./%s", argv[i]);
+        is_value = false;
+        for (const struct option *o = options; is_option && o->name; o++)
+            is_value |= o->has_arg && strcmp(argv[i] + 2, o->name) == 0;
+    }
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
@@ -358,6 +372,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     a->set = mem_alloc((size_t)argc * sizeof *a->set);
     a->sample.set = a->set;
     opterr = 0;
+    name_files(argc, argv, options);
     for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
         if (take_sample_option(c, a)) continue;
         if (c == 'o')

@@ -489,7 +489,7 @@ static bool is_print_only(int argc, char **argv, int *code)
     size_t count = 0;
     const bool asked = argc > 1 && strcmp(argv[1], "help") == 0;
     bool help = asked;
-    for (int i = asked ? 2 : 1; i < argc; i++) {
+    for (int i = asked ? 2 : 1; i < argc && strcmp(argv[i], "--") != 0; i++) {
         if (strcmp(argv[i], "--version") == 0) {
             *code = puts("hexadctl " PACKAGE_VERSION) >= 0 ? COMMAND_OK : COMMAND_FAILED;
             return true;
@@ -613,8 +613,13 @@ static int obey(line *l)
 
 static bool read_line(line *l, int argc, char **argv)
 {
+    bool words_only = false; /* behind "--" */
     for (int i = 1; i < argc; i++) {
-        bool option = argv[i][0] == '-' && argv[i][1];
+        const bool option = !words_only && argv[i][0] == '-' && argv[i][1];
+        if (option && strcmp(argv[i], "--") == 0) {
+            words_only = true;
+            continue;
+        }
         if (!(option ? take_option(l, argc, argv, &i) : take_word(l, argv[i]))) return false;
     }
     return check(l);

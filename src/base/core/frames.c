@@ -152,6 +152,17 @@ static const char *find_pattern(const char *path, size_t *length, int *digits)
     return NULL;
 }
 
+/* The next place of the same notation, which stands for the same number; NULL: there is none. */
+static const char *find_same(const char *path, const char *notation, size_t length)
+{
+    size_t own;
+    int digits;
+    const char *at = find_pattern(path, &own, &digits);
+    while (at && (own != length || memcmp(at, notation, length) != 0))
+        at = find_pattern(at + own, &own, &digits);
+    return at;
+}
+
 bool frames_is_pattern(const char *path)
 {
     size_t length;
@@ -164,19 +175,23 @@ char *frames_path(const char *path, int frame)
     size_t length = 0;
     int digits = 0;
     const char *at = find_pattern(path, &length, &digits);
-    if (!at) return mem_strdup(path);
-    return mem_printf("%.*s%0*d%s", (int)(at - path), path, digits, frame, at + length);
+    char *out = mem_printf("%.*s", at ? (int)(at - path) : (int)strlen(path), path);
+    while (at) {
+        const char *rest = at + length, *next = find_same(rest, at, length);
+        char *longer =
+            mem_printf("%s%0*d%.*s", out, digits, frame, next ? (int)(next - rest) : (int)strlen(rest), rest);
+        free(out);
+        out = longer;
+        at = next;
+    }
+    return out;
 }
 
 char **frames_paths(const char *pattern, const int *numbers, size_t count)
 {
-    size_t length = 0;
-    int digits = 0;
-    const char *at = find_pattern(pattern, &length, &digits);
-    assert(at);
+    assert(frames_is_pattern(pattern));
     char **paths = mem_alloc((count + 1) * sizeof *paths);
-    for (size_t k = 0; k < count; k++)
-        paths[k] = mem_printf("%.*s%0*d%s", (int)(at - pattern), pattern, digits, numbers[k], at + length);
+    for (size_t k = 0; k < count; k++) paths[k] = frames_path(pattern, numbers[k]);
     return paths;
 }
 

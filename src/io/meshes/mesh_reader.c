@@ -36,6 +36,7 @@ typedef struct bytes {
     char name[32]; /* the name of the file that is passed to the library */
     char *data;
     size_t size, at;
+    const char *other; /* the name of the format, if it is another one than that of the ending; or NULL */
 } bytes;
 
 /* ---- I/O callbacks of the library */
@@ -462,6 +463,26 @@ static bool read_bytes(bytes *b)
     return true;
 }
 
+/* The ending of the format: that of the first bytes if these are known and of a mesh, otherwise `named`. */
+static const char *true_ending(const char *named, bytes *b)
+{
+    const file_format found = file_format_of_bytes(b->data, b->size);
+    if (!plain_mesh_reads(found) || file_formats[found].kind != FILE_FORMAT_MESHES ||
+        file_format_has_ending(found, named))
+        return named;
+    b->other = file_formats[found].name;
+    return file_formats[found].ending[0] + 1;
+}
+
+/* Warns of an ending that names another format. */
+static void warn_of_ending(const bytes *b, plain_mesh *m)
+{
+    if (b->other)
+        plain_mesh_warn(
+            m, "the file is read as %s, by its first bytes: the ending of its name is that of another format",
+            b->other);
+}
+
 /* Truncates the data at the end of the content that the file declares. Returns this end, or 0 if only blanks
  * and zeros follow it. */
 static size_t cut_end(const char *ending, bytes *b)
@@ -592,6 +613,7 @@ static void try_plain(const char *ending, const bytes *b, addition also, plain_m
     const char *foreign;
     if (also != VALUES || is_read_for_values(ending)) {
         const bool is_plain = read_plain(ending, b, also, plain);
+        if (is_plain) warn_of_ending(b, plain);
         if (is_plain && also != VALUES) _exit(answer_plain(plain, 0));
         if (plain->is_quantised)
             plain_mesh_refuse(plain, ERROR_INPUT_UNSUPPORTED,
@@ -628,6 +650,7 @@ static int answer_only_reader(const char *ending, addition also, plain_mesh *war
         expand_strips(ending, b);
         read = (b->size != whole.size || b->data != whole.data) && read_plain(ending, b, also, &m);
     }
+    if (read) warn_of_ending(b, &m);
     if (read && warnings) {
         if (*m.text) plain_mesh_warn(warnings, "%s", m.text);
         if (end)
@@ -647,43 +670,46 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     bytes b = {0};
     size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
     if (!memory) return 2;
-    snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
     plain_mesh plain = {0};
     ply_values own = {0};
     const addition also = strcmp(argv[0], MESH_VALUES_COMMAND) == 0     ? VALUES
                           : strcmp(argv[0], MESH_POLYGONS_COMMAND) == 0 ? POLYGONS
                           : strcmp(argv[0], MESH_TEXTURES_COMMAND) == 0 ? TEXTURES
                                                                         : NOTHING;
-    const file_format format = file_format_of_name(argv[1]);
-    if (also == TEXTURES && !plain_mesh_reads_textures(argv[1]) && format != FILE_FORMAT_COLLADA)
+    if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
+    const char *ending = true_ending(argv[1], &b);
+    const file_format format = file_format_of_name(ending);
+    snprintf(b.name, sizeof b.name, "mesh%s%.20s", *ending ? "." : "", ending);
+    if (also == TEXTURES && !plain_mesh_reads_textures(ending) && format != FILE_FORMAT_COLLADA)
         return answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "base_color is not read from such files: save it as glTF, OBJ, PLY, 3MF or COLLADA "
             "with its textures");
-    if (!read_bytes(&b)) return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
     if (format == FILE_FORMAT_VTP || format == FILE_FORMAT_VTK || format == FILE_FORMAT_GIFTI ||
         format == FILE_FORMAT_COLLADA) {
         char *text = xml_in_utf8(b.data, &b.size);
         if (text) b.data = text;
     }
     if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
-    if (plain_mesh_is_only_reader(argv[1])) {
+    if (plain_mesh_is_only_reader(ending)) {
         /* the library reads the values of some formats, and numbers up to their comma */
-        const bool is_left = also == VALUES && !plain_mesh_reads_values(argv[1]);
-        const int status = answer_only_reader(argv[1], also, is_left ? &plain : NULL, &b);
+        const bool is_left = also == VALUES && !plain_mesh_reads_values(ending);
+        const int status = answer_only_reader(ending, also, is_left ? &plain : NULL, &b);
         if (status >= 0) _exit(status);
     }
-    try_plain(argv[1], &b, also, &plain);
+    try_plain(ending, &b, also, &plain);
     /* readers refuse files with more data */
-    const size_t whole = b.size, end = cut_end(argv[1], &b);
-    if (b.size < whole && also != VALUES && read_plain(argv[1], &b, also, &plain))
+    const size_t whole = b.size, end = cut_end(ending, &b);
+    if (b.size < whole && also != VALUES && read_plain(ending, &b, also, &plain)) {
+        warn_of_ending(&b, &plain);
         _exit(answer_plain(&plain, end));
+    }
     if (also == TEXTURES && format != FILE_FORMAT_COLLADA)
         _exit(answer_fault(
             ERROR_INPUT_UNSUPPORTED,
             "base_color is not read from glTF and 3MF files with contents that the library assimp reads, "
             "such as glTF with Draco: save it without"));
-    expand_strips(argv[1], &b);
+    expand_strips(ending, &b);
     if ((format == FILE_FORMAT_OBJ && !add_zeros(&b)) ||
         (format == FILE_FORMAT_PLY && !ply_values_read(b.data, b.size, &own)))
         return answer_fault(ERROR_LIMIT_MEMORY, file_too_large);
