@@ -17,8 +17,6 @@ static const char what[] = "the open edges of the mesh";
 /* Vertices are joined at most at this fraction of the shortest edge at either of them, beside the rounding of their
  * coordinates: whatever the size of the whole mesh is, joining does not change the shape of a part. */
 static const double of_shortest_edge = 0.1;
-/* Rounding of a coordinate to a float, relative to it. */
-static const double of_float = 0x1p-24;
 
 /* A vertex of open edges. */
 typedef struct end {
@@ -91,10 +89,11 @@ static bool measure_edges(cutting *c, error *e)
             if (side < c->local[a]) c->local[a] = side;
             if (side < c->local[b]) c->local[b] = side;
         }
+    const rounding r = rounding_of(m, NULL);
     for (size_t k = 0; k < c->end_count; k++) {
         const uint32_t v = c->ends[k].vertex;
         c->local[v] = of_shortest_edge * c->local[v] +
-                      2 * sqrt(3) * of_float * rounding_largest_coordinate(m->vertex[v]);
+                      2 * sqrt(3) * (r.absolute + r.relative * rounding_largest_coordinate(m->vertex[v]));
     }
     return true;
 }

@@ -21,7 +21,7 @@ typedef struct seam_edge {
 } seam_edge;
 
 /* Vertices are joined, and lie on an edge, within `tolerance`, but at most within a tenth of the shortest edge at either
- * of them, and the rounding of their coordinates to floats: a part that is small beside the whole mesh keeps its shape. */
+ * of them, and the rounding of their coordinates (rounding.h): a part that is small beside the whole mesh keeps its shape. */
 
 /* Joins vertices of open edges, each with one other vertex, and drops
  * triangles that then have two equal corners. Adds the number of removed vertices to *joined. Error:

@@ -9,6 +9,10 @@
 
 #include "io/meshes/plain_mesh.h"
 
+/* Moves blanks before numbers in attributes of XML behind the closing quotes: XML Schema ignores them, and the library does
+ * not. The size does not change. */
+void library_text_move_blanks(char *data);
+
 /* Refuses a file that the library would read in part, or differently from what it states; adds warnings
  * about elements that the library ignores. `ending`: the extension of the file's name. data[size] is 0.
  * Returns false if *m is refused. */

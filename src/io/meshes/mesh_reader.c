@@ -689,6 +689,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         format == FILE_FORMAT_COLLADA) {
         char *text = xml_in_utf8(b.data, &b.size);
         if (text) b.data = text;
+        if (format == FILE_FORMAT_COLLADA) library_text_move_blanks(b.data);
     }
     if (strcmp(argv[0], MESH_MATERIALS_COMMAND) == 0) _exit(answer_materials(&b));
     if (plain_mesh_is_only_reader(ending)) {
