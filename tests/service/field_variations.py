@@ -14,6 +14,7 @@ import base64
 import collections
 import concurrent.futures
 import csv
+import io
 import json
 import os
 import pathlib
@@ -23,6 +24,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 
 import numpy
 
@@ -39,6 +41,7 @@ AREA = sum(4 * numpy.pi * r ** 2 for _, r in BALLS)
 AWAY, OF_AREA = 0.2, 0.04
 # of the surface of a file whose variation changes nothing: the smallest triangle has 1.3e-4 of the area; volumes are scanned by their cells
 SAME_AREA = {True: 1e-4, False: 2e-3}
+OF_JUMP = 0.01
 SIZE, STEP, ORIGIN = (26, 18, 28), numpy.array((1.0, 1.25, 0.8)), numpy.array((1.0, -0.5, 2.0))
 TIMEOUT_S = 300
 VERDICTS = ("right", "warned", "refused", "wrong", "crashed")
@@ -48,11 +51,16 @@ QUESTIONS = ("one_only", "twice", "contradicts", "to_its_end", "not_understood")
 
 # ---- the balls, as samples and as triangles
 
+LOCAL = threading.local()  # change: of the samples that this thread writes (with_samples)
+
+
 def samples(origin=ORIGIN, linear=None):
     """`linear`: from indices to the world, in the place of STEP."""
     index = numpy.stack(numpy.meshgrid(*map(numpy.arange, SIZE), indexing="ij"), -1)
     at = index @ (numpy.diag(STEP) if linear is None else linear).T + origin
-    return numpy.max([r - numpy.linalg.norm(at - c, axis=-1) for c, r in BALLS], axis=0)
+    values = numpy.max([r - numpy.linalg.norm(at - c, axis=-1) for c, r in BALLS], axis=0)
+    change = getattr(LOCAL, "change", None)
+    return change(values) if change else values
 
 
 def matrix(origin=ORIGIN):
@@ -892,7 +900,8 @@ def vdb(rng):
         made = []
         for values, how in grids:
             grid = openvdb.FloatGrid(how.get("background", -2.0))
-            grid.copyFromArray(numpy.asarray(values).clip(-2, 2).astype("f4"), ijk=how.get("low", (0, 0, 0)))
+            values = numpy.asarray(values)
+            grid.copyFromArray((values if how.get("whole") else values.clip(-2, 2)).astype("f4"), ijk=how.get("low", (0, 0, 0)))
             for index, number in how.get("broken", {}).items():
                 grid.getAccessor().setValueOn(index, float(number))
             grid.transform = openvdb.createLinearTransform(how.get("matrix", matrix()).T.tolist())
@@ -905,6 +914,10 @@ def vdb(rng):
         return {"vdb": {"path": "v.vdb", "isovalue": 0, **grids[0][1].get("spec", {})}}
     values, small = samples(), numpy.zeros((4, 4, 4))
     yield "", "", lambda folder: write(folder, [(values, {})])
+    for kind, ways in SAMPLES.items():
+        for way, change in ways.items():
+            changed = change(values)
+            yield kind, way, lambda folder, changed=changed: write(folder, [(changed, {"whole": True, "background": float(changed[0, 0, 0])})])
     # its own zero set is that of the balls, with the inside negative
     level_set = {"class": openvdb.GridClass.LEVEL_SET, "background": 2.0}
     shifted = matrix(ORIGIN - STEP * (3, -2, 5))
@@ -957,6 +970,132 @@ FORMATS = {"nrrd": nrrd, "nrrd by spacings": nrrd_by_spacings, "nrrd in files": 
            "painted gifti": painted_gifti_of("ASCII"), "painted gifti base64": painted_gifti_of("Base64Binary")}
 
 
+# ---- kinds of inputs that readers of several formats can have
+
+JUMP, SATURATED, BEYOND = "jump beside the surface", "saturated samples", "1e31 outside"
+JUMPS = {**{f"{value:g} beyond {away}": lambda v, away=away, value=value: numpy.where(v < -away, value, v)
+            for away in (2.5, 4, 5.5) for value in (-200, -9999, -32768, -1e20)}}
+SAMPLES = {JUMP: JUMPS, SATURATED: {"65535 within 2.5": lambda v: numpy.where(v > 2.5, 65535, v)},
+           BEYOND: {"1e31 beyond 3": lambda v: numpy.where(v < -3, 1e31, v)}}
+VOLUMES = ("nrrd", "meta_image", "nifti-1 sform", "nifti-2 sform", "zarr 2", "zarr 3", "tiff pages", "tiff stack", "exr")
+MARKED = {"obj": "m.obj", "ply": "m.ply", "stl text": "m.stl", "off": "m.off", "vtk": "m.vtk", "vtp": "m.vtp", "gifti": "m.gii", "collada": "m.dae"}
+XML = {"vtp": "m.vtp", "gifti": "m.gii", "collada": "m.dae", "3mf": "3D/3dmodel.model"}
+ENCODINGS = {"utf-16": "UTF-16", "utf-16-be": "UTF-16", "iso-8859-1": "ISO-8859-1", "cp1252": "windows-1252"}
+MISNAMED = {"ply": "m.obj", "vtk": "m.ply", "vtp": "m.stl", "gifti": "m.off", "3mf": "m.obj"}
+PAINTED = {"painted ply": "map.ply", "painted vtk": "map.vtk", "painted vtp": "map.vtp", "painted gifti": "map.gii"}
+# The readers of the formats, for the table.
+READERS = {"NRRD": "nrrd", "MetaImage": "meta_image", "NIfTI": "nifti", "TIFF": ("tiff", "imagej", "ome"), "Zarr": "zarr", "OpenEXR": "exr", "OpenVDB": "vdb",
+           "OBJ": "obj", "PLY": "ply", "STL": "stl", "OFF": "off", "VTK": ("vtk",), "VTK (XML)": "vtp", "GIfTI": "gifti", "glTF": "gltf", "3MF": "3mf",
+           "COLLADA": "collada", "FBX": "fbx"}
+MARK, ENCODING, ENDING, ZIP64, SKIPPED = "byte order mark", "encoding of XML", "ending of another format", "ZIP64", "only what is skipped"
+
+
+def base_of(name):
+    """The function that writes the file of a format without a variation."""
+    return next(iter(FORMATS[name](random.Random(1))))[2]
+
+
+def with_samples(name, change):
+    def write(folder):
+        LOCAL.change = change
+        try:
+            return base_of(name)(folder)
+        finally:
+            LOCAL.change = None
+    return write
+
+
+def rewritten(name, file, change, renamed=None):
+    """The file of a format with other bytes, or another name."""
+    def write(folder):
+        surface = base_of(name)(folder)
+        data = change((folder / file).read_bytes())
+        (folder / file).unlink()
+        (folder / (renamed or file)).write_bytes(data)
+        return mesh(renamed) if renamed else surface
+    return write
+
+
+def named(name, file):
+    """A painted file whose values have a name that is not ASCII."""
+    def write(folder):
+        surface = base_of(name)(folder)
+        (folder / file).write_bytes((folder / file).read_bytes().replace(b"quality", "gr\u00f6\u00dfe".encode()))
+        surface["grid"]["name"] = "gr\u00f6\u00dfe"
+        return surface
+    return write
+
+
+def in_encoding(data, codec, declared_as):
+    text = re.sub(r"^<\?xml[^>]*\?>", "", data.decode())
+    return f'<?xml version="1.0" encoding="{declared_as}"?><!-- \u00e4 -->{text}'.encode(codec)
+
+
+def zip_of(parts, zip64):
+    """An archive, with sizes in ZIP64 fields."""
+    import zlib
+    local, central = b"", b""
+    for name, data in parts.items():
+        packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+        packed = packer.compress(data) + packer.flush()
+        sizes = (len(packed), len(data))
+        short = (2 ** 32 - 1, 2 ** 32 - 1) if zip64 else sizes
+        extra = struct.pack("<HHQQ", 1, 16, *sizes[::-1]) if zip64 else b""
+        head = struct.pack("<HHHHHIIIHH", 45, 0, 8, 0, 33, zlib.crc32(data), *short, len(name), len(extra))
+        central += b"PK\1\2" + struct.pack("<H", 45) + head + struct.pack("<HHHII", 0, 0, 0, 0, len(local)) + name.encode() + extra
+        local += b"PK\3\4" + head + name.encode() + extra + packed
+    return local + central + b"PK\5\6" + struct.pack("<HHHHIIH", 0, 0, len(parts), len(parts), len(central), len(local), 0)
+
+
+def in_archive(change=lambda model: model, zip64=False):
+    """Changes the model of a 3MF package."""
+    import zipfile
+
+    def of(raw):
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            parts = {name: archive.read(name) for name in archive.namelist()}
+        parts[XML["3mf"]] = change(parts[XML["3mf"]])
+        return zip_of(parts, zip64)
+    return of
+
+
+def kinds():
+    """(format, kind, way, write)"""
+    for kind, ways in SAMPLES.items():
+        for way, change in ways.items():
+            for name in VOLUMES:
+                yield name, kind, way, with_samples(name, change)
+    for name, file in MARKED.items():
+        yield name, MARK, "UTF-8", rewritten(name, file, lambda data: b"\xef\xbb\xbf" + data)
+    for name, file in XML.items():
+        for codec, declared_as in ENCODINGS.items():
+            change = lambda data, codec=codec, declared_as=declared_as: in_encoding(data, codec, declared_as)
+            yield name, ENCODING, codec, rewritten("3mf", "m.3mf", in_archive(change)) if name == "3mf" else rewritten(name, file, change)
+    yield "gltf", MARK, "UTF-8", rewritten("gltf", "m.gltf", lambda data: b"\xef\xbb\xbf" + data)
+    yield "3mf", MARK, "UTF-8", rewritten("3mf", "m.3mf", in_archive(lambda model: b"\xef\xbb\xbf" + model))
+    for name, renamed in MISNAMED.items():
+        yield name, ENDING, renamed, rewritten(name, MARKED.get(name, "m.3mf"), lambda data: data, renamed)
+    for name, file in PAINTED.items():
+        yield name, "a name that is not ASCII", "of values", named(name, file)
+    yield "3mf", ZIP64, "sizes", rewritten("3mf", "m.3mf", in_archive(zip64=True))
+    for way, put in (("16 numbers", " 0 0 0 1"), ("rubbish behind", " rubbish")):
+        yield "3mf", "transform that is not 12 numbers", way, rewritten("3mf", "m.3mf", in_archive(
+            lambda model, put=put: model.replace(b'1 0 0 0"', b'1 0 0 0' + put.encode() + b'"')))
+    hidden = lambda data: data.replace(b'"scale"', b'"extensions": {"KHR_node_visibility": {"visible": false}}, "scale"')
+    yield "gltf", SKIPPED, "hidden nodes", rewritten("gltf", "m.gltf", hidden)
+    yield "gltf", "an older version", "1.0", rewritten("gltf", "m.gltf", lambda data: data.replace(b'"version": "2.0"', b'"version": "1.0"'))
+    yield "obj", SKIPPED, "unknown words", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf ", b"\nface "))
+    yield "3mf", SKIPPED, "objects that are not built", rewritten("3mf", "m.3mf", in_archive(
+        lambda model: re.sub(rb"<build>.*</build>", b"<build/>", model)))
+    yield "obj", "faces of old files", "fo", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf ", b"\nfo "))
+    yield "obj", "index 0", "counted from 0", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf 1 ", b"\nf 0 "))
+    yield "collada", "blank before a number", "of attributes", rewritten(
+        "collada", "m.dae", lambda data: re.sub(rb' (count|stride|offset|meter)="', rb' \1=" ', data))
+
+
+CANNOT = "cannot occur"
+
+
 # ---- running and judging
 
 def run(worker, write):
@@ -985,13 +1124,23 @@ def is_right(report, positions, area=None, painted_as=None):
     return away.max() < AWAY and abs(report["surface"]["area"] / (area or AREA) - 1) < (SAME_AREA["mesh" in report["surface"]] if area else OF_AREA)
 
 
-def judge(worker, write, usual, area=None, painted_as=None):
+def is_of_jump(way):
+    return any(way in ways for ways in SAMPLES.values())
+
+
+def judge(worker, write, usual, area=None, painted_as=None, way=""):
     """`right`, `warned`, `refused`, or a fault: `wrong` points without a new warning, `crashed`."""
     report, message, positions = run(worker, write)
     if report is None:
         return ("refused" if '"code"' in message or "input" in message else "crashed"), message
-    if is_right(report, positions, area, painted_as):
+    if is_of_jump(way) and abs(report["surface"]["area"] / area - 1) < OF_JUMP and is_right(report, positions):
         return "right", ""
+    if not is_of_jump(way) and is_right(report, positions, area, painted_as):
+        return "right", ""
+    if any(r["criterion"] == "ringing" for r in report["outcome_reasons"]):
+        return "warned", "ringing"
+    if is_of_jump(way):
+        return "wrong", f"area {report['surface']['area']:.5g}"
     new = [w for w in report["surface"]["warnings"] if w not in usual and "walls thinner" not in w]  # which says nothing of the file
     return ("warned", new[0]) if new else ("wrong", f"area {report['surface']['area']:.5g}")
 
@@ -1002,11 +1151,18 @@ def variations(seed, names=None):
         if not names or name in names:
             for field, way, write in make(random.Random(seed)):
                 yield name, field, way, write
+    for name, field, way, write in kinds():
+        if not names or name in names:
+            yield name, field, way, write
 
 
-def chosen(seed, count, names=None):
-    """`count` of the variations, spread over formats and fields; the base of each format is always there."""
+def chosen(seed, count, names=None, of_kinds=False):
+    """`count` of the variations, spread over formats and fields; the base of each format is always there. `of_kinds`: those of kinds()."""
     all_of_them = list(variations(seed, names))
+    if of_kinds:
+        wanted = {kind for _, kind, _, _ in kinds()}
+        all_of_them = [v for v in all_of_them if not v[1] or v[1] in wanted]
+        count = 0
     bases = [v for v in all_of_them if not v[1]]
     groups = collections.defaultdict(list)
     rng = random.Random(seed)
@@ -1024,9 +1180,9 @@ def chosen(seed, count, names=None):
     return bases, picked[:count] if count else picked
 
 
-def judged(worker, seed, count, names=None, report=print):
+def judged(worker, seed, count, names=None, report=print, of_kinds=False):
     """Runs variations; [(format, field, way, verdict)]. Reports the faults."""
-    bases, picked = chosen(seed, count, names)
+    bases, picked = chosen(seed, count, names, of_kinds)
     usual, area, exact, found = {}, {}, {}, []
     for name, _, _, write in bases:
         base, message, positions = run(worker, write)
@@ -1034,7 +1190,7 @@ def judged(worker, seed, count, names=None, report=print):
         usual[name], area[name] = base["surface"]["warnings"], base["surface"]["area"]
         exact[name] = positions if name.startswith("painted") else None
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]], exact[v[0]]), picked)
+        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]], exact[v[0]], v[2]), picked)
         for (name, field, way, _), (verdict, why) in zip(picked, verdicts):
             found.append((name, field, way, verdict))
             if verdict in FAULTS:
@@ -1099,6 +1255,21 @@ def write_by_field(path, found):
                           *(" or ".join(v for v in VERDICTS if v in answers[q]) for q in QUESTIONS)))
 
 
+def write_by_kind(path, found):
+    """What became of each kind in each format that can have it."""
+    table = collections.defaultdict(lambda: collections.defaultdict(set))
+    of_kinds = {kind for _, kind, _, _ in kinds()}
+    for name, field, _, verdict in found:
+        for reader, begin in READERS.items() if field in of_kinds else ():
+            if name.removeprefix("painted ").startswith(begin):
+                table[field][reader].add(verdict)
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(("kind", *READERS))
+        for kind, by_name in sorted(table.items()):
+            out.writerow((kind, *(" or ".join(v for v in VERDICTS if v in by_name[n]) or CANNOT for n in READERS)))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("build", type=pathlib.Path)
@@ -1108,6 +1279,8 @@ def main():
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--by-format", type=pathlib.Path)
     parser.add_argument("--by-field", type=pathlib.Path)
+    parser.add_argument("--by-kind", type=pathlib.Path)
+    parser.add_argument("--kinds", action="store_true", help="all variations of kinds() instead")
     options = parser.parse_args()
     if options.list:
         found = collections.Counter((name, field) for name, field, _, _ in variations(options.seed, options.formats) if field)
@@ -1115,12 +1288,14 @@ def main():
             print(f"{name}\t{field}\t{count}")
         print(sum(found.values()))
         return 0
-    found = judged(options.build.resolve() / "hexad-worker", options.seed, options.cases, options.formats)
+    found = judged(options.build.resolve() / "hexad-worker", options.seed, options.cases, options.formats, of_kinds=options.kinds)
     table, faults = count_by_format(found), [row for row in found if row[3] in FAULTS]
     if options.by_format:
         write_by_format(options.by_format, table)
     if options.by_field:
         write_by_field(options.by_field, found)
+    if options.by_kind:
+        write_by_kind(options.by_kind, found)
     for name, counts in table.items():
         print(f"{name:24}" + "".join(f"{verdict} {count:5}  " for verdict, count in sorted(counts.items())))
     print(f"{sum(sum(c.values()) for c in table.values())} variations, seed {options.seed}: {len(faults)} wrong")
