@@ -248,7 +248,9 @@ void library_text_move_blanks(char *data)
     for (char *at = data; (at = strchr(at, '='));) {
         const char quote = *++at;
         char *value = at + 1, *number = value + strspn(value, " \t\r\n");
-        if ((quote != '"' && quote != '\'') || number == value || !strchr("+-.0123456789", *number) || !*number) continue;
+        if ((quote != '"' && quote != '\'') || number == value || !strchr("+-.0123456789", *number) ||
+            !*number)
+            continue;
         char *end = strchr(number, quote);
         if (!end || memchr(number, '<', (size_t)(end - number))) continue;
         const size_t blanks = (size_t)(number - value), length = (size_t)(end - number) + 1;
