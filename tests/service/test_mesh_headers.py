@@ -650,7 +650,6 @@ UNREAD = {
     "c.bgeo.sc": (b"scf1" + bytes(50), "Houdini", "gconvert"),
     "a.vtk": (b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n", "VTK", "ParaView"),
     "a.vtu": (b'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1">', "VTK", ".vtp"),
-    "a.stl": (b'<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE GIFTI SYSTEM "x">\n<GIFTI Version="1.0">', "GIfTI", "Name it .gii"),
     "lh.pial": (b"\xff\xff\xfecreated by x\n\n" + bytes(40), "FreeSurfer", "mris_convert"),
     "a.vdb": (b" BDV\0\0\0\0" + bytes(40), "OpenVDB", "/surface/vdb/path"),
     "a.nrrd": (b"NRRD0004\ntype: float\n", "NRRD", "/surface/volume/path"),
