@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+/* Documents of XML in other encodings than UTF-8. */
 #include "base/xml/xml.h"
 
 #include <stdbool.h>
