@@ -492,7 +492,8 @@ def test_every_point_between_the_rims_of_a_plate_is_on_a_thin_wall(worker, tmp_p
     diagnose(f"seed {seed}: {report['quality']['thin_count']} of {report['count']} points, {wanted} to {most} with a point of the other wall")
     assert wanted > 0.6 * report["count"]
     assert wanted <= report["quality"]["thin_count"] <= most
-    assert any("walls thinner than 1.2 spacings" in warning for warning in report["surface"]["warnings"])
+    told = [*report["surface"]["warnings"], *(advice["message"] for advice in report["advice"])]
+    assert any("walls thinner than 1.2 spacings" in text for text in told)
 
 
 @pytest.mark.parametrize("degrees", [20, 35, 50])
