@@ -125,7 +125,6 @@ function Buttons({job, frame, onChange}) {
   const ended = isFinal(job.state);
   return html`<div class="buttons">
     ${job.links.results && html`<a class="button main" href=${`#/jobs/${job.id}/points${query({frame})}`}>Points in 3-D</a>`}
-    ${job.links.contact_sheet && html`<a class="button" href=${urlOf(job.links.contact_sheet).href}>Contact sheet</a>`}
     ${!ended && button("Cancel", "/cancel")}
     ${!ended && (job.paused ? button("Resume", "/resume") : button("Pause", "/pause"))}
     ${ended && (job.state !== "succeeded") && button("Retry", "/retry")}

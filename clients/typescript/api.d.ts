@@ -272,7 +272,6 @@ export type JobSummary = {
     events: string;
     log: string;
     results?: string;
-    contact_sheet?: string;
   };
 };
 
@@ -2920,7 +2919,7 @@ export type JobPatch = {
 
 export type State = "queued" | "blocked" | "paused" | "running" | "cancelling" | "succeeded" | "failed" | "cancelled" | "timed_out";
 
-export type ProblemCode = "json_invalid" | "request_invalid" | "unauthorized" | "forbidden" | "origin_forbidden" | "path_forbidden" | "not_found" | "method_not_allowed" | "conflict" | "output_taken" | "precondition_failed" | "body_too_large" | "media_type_unsupported" | "range_not_satisfiable" | "misdirected_request" | "idempotency_mismatch" | "digest_mismatch" | "spec_invalid" | "not_supported" | "input_missing" | "input_unsupported" | "input_damaged" | "grid_missing" | "attribute_missing" | "grid_ambiguous" | "isovalue_required" | "no_surface" | "too_many_requests" | "unavailable" | "database_damaged" | "state_lost" | "output_unwritable" | "limit_memory" | "too_many_jobs" | "too_many_tasks" | "results_full" | "too_many_submissions" | "priority_forbidden" | "storage_full" | "internal";
+export type ProblemCode = "json_invalid" | "request_invalid" | "unauthorized" | "forbidden" | "origin_forbidden" | "path_forbidden" | "not_found" | "method_not_allowed" | "conflict" | "gone" | "output_taken" | "precondition_failed" | "body_too_large" | "media_type_unsupported" | "range_not_satisfiable" | "misdirected_request" | "idempotency_mismatch" | "digest_mismatch" | "spec_invalid" | "not_supported" | "input_missing" | "input_unsupported" | "input_damaged" | "grid_missing" | "attribute_missing" | "grid_ambiguous" | "isovalue_required" | "no_surface" | "too_many_requests" | "unavailable" | "database_damaged" | "state_lost" | "output_unwritable" | "limit_memory" | "too_many_jobs" | "too_many_tasks" | "results_full" | "too_many_submissions" | "priority_forbidden" | "storage_full" | "internal";
 
 /** The requests of the service by their names in the OpenAPI document: what each needs, and its answer. */
 export interface Operations {
@@ -3256,16 +3255,13 @@ export interface Operations {
     };
     answer: Uint8Array | null;
   };
-  /**
-   * Get a picture of the previews of all frames of an array that have succeeded; of more than 256, of 256 at
-   * equal distances. For a job without frames, this is its preview.. Needs the scope `read`.
-   */
+  /** Removed: the thumbnails of the frames have their previews. Needs the scope `read`. */
   getContactSheet: {
     parameters: {
       /** The id of a job. */
       id: string;
     };
-    answer: Uint8Array;
+    answer: null;
   };
   /** Get the space that results take, of all users and of each, and the bounds. Needs the scope `read`. */
   getUsage: {

@@ -21,7 +21,7 @@ export const operations = {
   listResults: {method: "GET", path: "/v1/jobs/{id}/results", headers: [], body: null, answer: "json"},
   getResult: {method: "GET", path: "/v1/jobs/{id}/results/{name}", headers: ["Range", "If-Range", "If-None-Match"], body: null, answer: "bytes"},
   getThumbnail: {method: "GET", path: "/v1/jobs/{id}/thumbnail.png", headers: ["If-None-Match"], body: null, answer: "bytes"},
-  getContactSheet: {method: "GET", path: "/v1/jobs/{id}/contact_sheet.png", headers: [], body: null, answer: "bytes"},
+  getContactSheet: {method: "GET", path: "/v1/jobs/{id}/contact_sheet.png", headers: [], body: null, answer: "nothing"},
   getUsage: {method: "GET", path: "/v1/usage", headers: [], body: null, answer: "json"},
   listWorkers: {method: "GET", path: "/v1/workers", headers: [], body: null, answer: "json"},
   listTokens: {method: "GET", path: "/v1/tokens", headers: [], body: null, answer: "json"},

@@ -53,14 +53,14 @@ typedef struct command_options {
     const char *files;  /* of submit: a pattern, as in queue.files */
     const char *const *mesh; /* of attach: paths as in a spec */
     size_t mesh_count;
-    const char *frame;   /* of fetch: numbers as in queue.frames; of log and attach: one number */
+    const char *frame;   /* of fetch: numbers as in queue.frames; of log, show and attach: one number */
     const char *attempt; /* of log */
     const char *called;  /* the job as the command line names it */
     const char
         *output; /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
     const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
     const char *file;    /* of token: the daemon's token_file */
-    const char *picture; /* of show: the file to write the picture to; NULL: none */
+    const char *picture; /* of show: the file to write the preview to; NULL: none */
     gid_t file_group;    /* of token: the group that may read the system service's file, or TOKEN_NO_GROUP */
     const char *scopes;  /* of token add; NULL: all but admin */
     const char *max_priority; /* of token add; NULL: any */

@@ -7,6 +7,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
+#include "base/core/worker_contract.h"
 #include "client/command.h"
 #include "client/job_table.h"
 #include "client/list_query.h"
@@ -168,14 +169,16 @@ static void show_job(client *c, json_at job, const char *id)
     json_free(dependents);
 }
 
-/* Downloads the picture of a job to a file. */
-static int save_picture(client *c, const char *id, const char *path)
+/* Downloads the preview of a job, or of a frame of an array, to a file. */
+static int save_picture(client *c, const char *id, const char *given_frame, const char *path)
 {
     error e = {0};
     store_file file = {0};
     client_reply reply = {0};
     int code = COMMAND_FAILED;
-    char *href = mem_printf("/v1/jobs/%s/contact_sheet.png", id);
+    char *frame = given_frame ? client_escape(c, given_frame) : NULL,
+         *href = mem_printf("/v1/jobs/%s/results/%s%s%s", id, WORKER_PREVIEW_NAME, frame ? "?frame=" : "",
+                            frame ? frame : "");
     store_file_clear(path); /* left by a killed process */
     if (!store_file_begin(path, &file, &e))
         print_failure("%s", e.message);
@@ -191,6 +194,7 @@ static int save_picture(client *c, const char *id, const char *path)
     store_file_abort(&file);
     client_reply_clear(&reply);
     free(href);
+    free(frame);
     return code;
 }
 
@@ -214,7 +218,8 @@ int command_show(client *c, const char *argument, const command_options *options
             command_explain_user_limits(c, json_string(json_member(&job, "owner"), ""), stderr);
         command_explain_waiting(c, stderr);
     }
-    if (code == COMMAND_OK && options->picture) code = save_picture(c, argument, options->picture);
+    if (code == COMMAND_OK && options->picture)
+        code = save_picture(c, argument, options->frame, options->picture);
     json_free(document);
     free(path);
     return code;

@@ -71,10 +71,9 @@ static const char usage[] =
     "                    list the newest jobs of all users; --owner: those of one user; --text: those whose\n"
     "                    name contains PART, ignoring case; TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC),\n"
     "                    or an age: 30s, 90m, 2h or 1d\n"
-    "  show ID [--picture FILE.png]\n"
+    "  show ID [--picture FILE.png [--frame N]]\n"
     "                    print the state, times, attempts and failed frames of a job; all members with\n"
-    "                    --json. --picture writes its preview; for an array, the previews of all finished\n"
-    "                    frames in one picture\n"
+    "                    --json. --picture writes its preview, or that of the frame N of an array\n"
     "  attempts ID       list all attempts of a job\n"
     "  wait ID... [--accept]\n"
     "                    wait until jobs end and show their progress; the exit status is that of the worst\n"
@@ -179,7 +178,7 @@ static const struct entry {
     {"delete-upload", command_delete_upload, FILES, "--all"},
     {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
-    {"show", command_show, JOB, "--picture"},
+    {"show", command_show, JOB, "--picture --frame"},
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},

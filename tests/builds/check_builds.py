@@ -190,11 +190,6 @@ class Build:
             if not self.has("--disable-preview"):
                 answer = self.ask(path, "POST", "/v1/jobs", spec(output={"preview": True}))
                 self.is_refused_by_daemon("output.preview", answer, "--disable-preview")
-                status, text = self.ask(path, "POST", "/v1/jobs", spec(queue={"frames": "1-2", "by_frame": {
-                    "/surface/analytic/radius": [1, 2]}}))
-                self.check("an array is accepted", status == 201, text)
-                answer = self.ask(path, "GET", f"/v1/jobs/{json.loads(text).get('id')}/contact_sheet.png")
-                self.is_refused_by_daemon("a contact sheet", answer, "--disable-preview")
 
 
 def main():

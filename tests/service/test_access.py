@@ -197,7 +197,7 @@ def test_readers_see_of_the_jobs_of_others_what_the_list_says(closed_service, tm
     assert hidden.pop("error") == {"code": "input_damaged", "message": "The input cannot be read"}
     assert all(v in (None, [], 0) for v in hidden.values()), hidden
     assert own["attempts"] and own["retention_s"] == 4711 and own["error"]["message"].startswith("MARKER")
-    for path in ("tasks", "attempts", "log", "events", "results", "contact_sheet.png", "thumbnail.png"):
+    for path in ("tasks", "attempts", "log", "events", "results", "thumbnail.png"):
         expect_problem(with_token(service, bob, "GET", f"/v1/jobs/{job}/{path}"), 403, "forbidden")
 
 

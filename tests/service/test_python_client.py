@@ -80,20 +80,6 @@ def test_submit_wait_and_fetch(client, tmp_path, monkeypatch, arrays):
     assert isinstance(points["x"], points_module.numpy.ndarray if arrays else points_module.array.array)
 
 
-def test_a_contact_sheet_is_read(client):
-    spec = {"surface": {"analytic": {"shape": "sphere", "radius": 1}}, "sampling": {"count": 50}}
-    drawn = {**spec, "output": {"preview": {"size": 64}}}
-    single, array = client.submit(drawn, wait=True), client.submit(
-        {**drawn, "queue": {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 2]}}}, wait=True)
-    assert single.contact_sheet() == single.read("preview.png")
-    sheet = array.contact_sheet()
-    assert sheet == client.transport.ask("GET", array.document["links"]["contact_sheet"], read=lambda reply: reply.read())
-    assert read_png(sheet)[0] > 2 * 64
-    blank = client.submit({**spec, "output": {"preview": False}}, wait=True)
-    with pytest.raises(problems.NotFound):
-        blank.contact_sheet()
-
-
 def test_ascii_and_other_types_are_read(client, tmp_path, monkeypatch):
     job = client.submit({**SPEC, "output": {"preview": False, "mesh": True, "ply": {"format": "ascii", "precision": "double"}}},
                         wait=True)

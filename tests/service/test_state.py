@@ -159,7 +159,7 @@ def test_nothing_makes_a_new_directory_at_the_path(new_service):
     service.wait_state(job, "succeeded")
     rename(service)
     for method, path, body in (("POST", "/v1/jobs:validate", sphere(70)), ("GET", f"/v1/jobs/{job}/results", None),
-                               ("GET", f"/v1/jobs/{job}/contact_sheet.png", None), ("GET", f"/v1/jobs/{job}/log", None),
+                               ("GET", f"/v1/jobs/{job}/thumbnail.png", None), ("GET", f"/v1/jobs/{job}/log", None),
                                ("POST", f"/v1/jobs/{job}/retry", None)):
         service.request(method, path, body and json.dumps(body), {"Content-Type": "application/json"})
         assert not service.state.exists(), (method, path)

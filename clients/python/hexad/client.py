@@ -100,10 +100,6 @@ class RemoteJob(Job):
         path = f"{self.path}/log" + ("" if frame is None else f"?frame={frame}")
         return self.transport.ask("GET", path, read=lambda response: response.read().decode("utf-8", "replace"))
 
-    def contact_sheet(self) -> bytes:
-        """A PNG picture: the previews of all frames of an array that have succeeded, or the preview of another job."""
-        return self.transport.ask("GET", f"{self.path}/contact_sheet.png", read=lambda response: response.read())
-
     def tasks(self) -> Iterator[dict[str, Any]]:
         """How far each frame is."""
         after = None

@@ -11,6 +11,7 @@ __all__ = [
     "DatabaseDamaged",
     "DigestMismatch",
     "Forbidden",
+    "Gone",
     "GridAmbiguous",
     "GridMissing",
     "IdempotencyMismatch",
@@ -83,6 +84,10 @@ class MethodNotAllowed(Problem):
 
 class Conflict(Problem):
     """The state of the job does not allow this (409)."""
+
+
+class Gone(Problem):
+    """The resource was removed from the service (410)."""
 
 
 class OutputTaken(Problem):
@@ -219,6 +224,7 @@ BY_CODE: Dict[str, Type[Problem]] = {
     "not_found": NotFound,
     "method_not_allowed": MethodNotAllowed,
     "conflict": Conflict,
+    "gone": Gone,
     "output_taken": OutputTaken,
     "precondition_failed": PreconditionFailed,
     "body_too_large": BodyTooLarge,

@@ -59,7 +59,7 @@ typedef enum worker_exit {
 /* The end of the names of files that refer to the results of all frames. They belong in the directory that
  * contains the directories of the frames. Code that copies a result to another place puts them there. */
 #define WORKER_STAGE_ENDING "_stage.usda"
-/* The picture of a result; the daemon makes thumbnails and contact sheets from it. */
+/* The picture of a result; the daemon makes thumbnails from it. */
 #define WORKER_PREVIEW_NAME "preview.png"
 #define WORKER_ESTIMATE_NAME "estimate.json"
 #define WORKER_INSPECTION_NAME "inspection.json"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* thumbnail: reads a PNG file of a preview and reduces it for a contact sheet.
+/* thumbnail: reads a PNG file of a preview and reduces it.
  *
  * A separate process (base/core/reader) decodes the file, because a worker that read untrusted inputs wrote
  * it. The program that is started has the command THUMBNAIL_COMMAND, which calls thumbnail_main. A build

@@ -136,9 +136,6 @@ static void put_links(json *object, const queue_job *job)
     for (size_t i = 0; i < count; i++)
         used += snprintf(text + used, sizeof text - (size_t)used, ",\"%s\":\"/v1/jobs/%s/%s\"", parts[i],
                          job->id, parts[i]);
-    if (results && job->array)
-        used += snprintf(text + used, sizeof text - (size_t)used,
-                         ",\"contact_sheet\":\"/v1/jobs/%s/contact_sheet.png\"", job->id);
     snprintf(text + used, sizeof text - (size_t)used, "}");
     json_put_text(object, "links", text);
 }

@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "service/api/result_files.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <nettle/base64.h>
 
 #include "service/api/job_lookup.h"
-#include "service/api/png_reply.h"
-#include "service/api/thumbnail_process.h"
+#include "base/core/clock.h"
 #include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
+#include "io/pictures/picture_png.h"
+#include "io/pictures/thumbnail.h"
 #include "service/http/parameter.h"
 #include "service/http/preconditions.h"
 #include "service/results/result.h"
@@ -294,12 +298,53 @@ void result_files_send(const http_context *c, const http_request *request, reply
     place_clear(&p);
 }
 
-/* Sets a reply with the thumbnail of the preview, which another process decodes. */
+static bool is_stopping(void *waiting)
+{
+    return wait_list_is_dismissed(waiting);
+}
+
+/* Another process decodes the preview. Error limit_time: after thumbnail_timeout_s, or when the service
+ * stops. */
+static bool read_thumbnail(const http_context *c, const char *directory, thumbnail *out, error *e)
+{
+    const thumbnail_patience patience = {.until_ms =
+                                             clock_monotonic_ms() + (int64_t)(c->thumbnail_timeout_s * 1000),
+                                         .is_over = is_stopping,
+                                         .context = c->waiting};
+    int64_t bytes;
+    int fd = result_open_file(directory, WORKER_PREVIEW_NAME, &bytes, e);
+    bool ok = fd >= 0 && thumbnail_read(c->worker, fd, &patience, out, e);
+    if (fd >= 0) close(fd);
+    return ok;
+}
+
+/* Encodes the picture as PNG in memory and sets a reply of status 200. Error: internal; the reply is then
+ * unchanged. */
+static bool set_png(reply *r, const canvas *picture, error *e)
+{
+    struct stat info;
+    int fd = memfd_create("picture", MFD_CLOEXEC), own = fd >= 0 ? dup(fd) : -1;
+    FILE *file = own >= 0 ? fdopen(own, "wb") : NULL;
+    bool ok = file || error_set(e, ERROR_INTERNAL, "a file in memory cannot be made: %s", strerror(errno));
+    ok = ok && picture_png_write(file, picture, e);
+    if (ok && fstat(fd, &info) != 0)
+        ok = error_set(e, ERROR_INTERNAL, "the file in memory cannot be examined: %s", strerror(errno));
+    if (file)
+        fclose(file);
+    else if (own >= 0)
+        close(own);
+    if (ok)
+        reply_set_file(r, "image/png", fd, info.st_size);
+    else if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
 static void send_thumbnail(const http_context *c, const place *p, reply *r)
 {
     error e = {0};
     thumbnail *made = mem_alloc(sizeof *made);
-    bool ok = thumbnail_process_read(c, p->directory, INT64_MAX, made, &e);
+    bool ok = read_thumbnail(c, p->directory, made, &e);
     const canvas picture = {.rgb = made->rgb, .width = made->width, .height = made->height, .scale = 1};
     if (e.code == ERROR_LIMIT_TIME)
         reply_set_unavailable(
@@ -307,7 +352,7 @@ static void send_thumbnail(const http_context *c, const place *p, reply *r)
                    ? "the service is stopping"
                    : "the preview could not be read in time (setting thumbnail_timeout_s); try "
                      "again when the service is less busy");
-    else if (!ok || !png_reply_set(r, &picture, &e))
+    else if (!ok || !set_png(r, &picture, &e))
         reply_set_error(r, &e, NULL);
     free(made);
 }
@@ -339,4 +384,13 @@ void result_files_send_thumbnail(const http_context *c, const http_request *requ
         }
     }
     place_clear(&p);
+}
+
+void result_files_refuse_contact_sheet(const http_context *c, const http_request *request, reply *r)
+{
+    (void)c;
+    reply_set_problem(
+        r, "gone", NULL,
+        "there are no contact sheets: GET /v1/jobs/%s/thumbnail.png?frame=N has the preview of a frame",
+        request->parameter[0]);
 }

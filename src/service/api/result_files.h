@@ -12,4 +12,7 @@
 
 http_handler result_files_list, result_files_send, result_files_send_thumbnail;
 
+/* Answers the removed route of contact sheets with 410. */
+http_handler result_files_refuse_contact_sheet;
+
 #endif

@@ -2,7 +2,6 @@
 #include "service/api/routes.h"
 
 #include "service/api/backup_download.h"
-#include "service/api/job_picture.h"
 #include "service/api/events.h"
 #include "service/api/files.h"
 #include "service/api/uploads.h"
@@ -265,16 +264,13 @@ static const route routes[] = {
      .problems = "not_found conflict input_damaged not_supported"},
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/contact_sheet.png",
-     .handler = job_picture_send,
+     .handler = result_files_refuse_contact_sheet,
      .scope = SCOPE_READ,
-     .runs_in = ROUTE_PICTURE_POOL,
+     .runs_in = ROUTE_POOL,
      .name = "getContactSheet",
      .tag = "results",
-     .summary =
-         "Get a picture of the previews of all frames of an array that have succeeded; of more than 256, of 256 at"
-         " equal distances. For a job without frames, this is its preview.",
-     .answers = "200:file",
-     .problems = "not_found not_supported"},
+     .summary = "Removed: the thumbnails of the frames have their previews",
+     .problems = "gone"},
     {.method = "GET",
      .pattern = "/v1/usage",
      .handler = status_usage,

@@ -182,8 +182,7 @@ const config_row config_table[] = {
     {SETTING(thumbnail_timeout_s), .type = CONFIG_REAL, .default_text = "10", .low = 0.01, .high = 3600,
      .unit = "s",
      .help =
-         "The time limit of the process that makes a thumbnail of a preview. Then the request is refused (503), "
-         "and a contact sheet has no picture of that frame."},
+         "The time limit of the process that makes a thumbnail of a preview. Then the request is refused (503)."},
     {SETTING(max_attempts), .type = CONFIG_INTEGER, .default_text = "3", .low = 1, .high = 100,
      .unit = "attempts",
      .help = "The number of attempts of a job whose worker crashes, for a job without "

@@ -24,6 +24,7 @@ static const reply_problem problems[] = {
     {"not_found", 404, "The resource does not exist"},
     {"method_not_allowed", 405, "The method is not allowed here"},
     {"conflict", 409, "The state of the job does not allow this"},
+    {"gone", 410, "The resource was removed from the service"},
     {"output_taken", 409, "A result of another user is in the output directory"},
     {"precondition_failed", 412, "The resource has changed"},
     {"body_too_large", 413, "The body is too large"},

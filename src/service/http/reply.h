@@ -14,6 +14,7 @@
  *     not_found 404               the job, file or path does not exist
  *     method_not_allowed 405      Allow lists the allowed methods
  *     conflict 409                the state of the job does not allow it
+ *     gone 410                    the route was removed; the detail names another one
  *     precondition_failed 412     If-Match names another revision
  *     body_too_large 413          longer than body_limit_bytes; for an input, longer than upload_limit_bytes
  *     media_type_unsupported 415  the body is not application/json, or is compressed
