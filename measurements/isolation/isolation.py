@@ -4,7 +4,7 @@
 
     measurements/isolation/isolation.py --built BUILD [--minutes 60] [--seed 1] [--jobs 113000] [--real-workers]
                        [--untimed] [--only large_pages,...] [--place DIRECTORY] [--output FILE.csv]
-    measurements/isolation/isolation.py --built BUILD --routes SECONDS | --serving-thread [--jobs 0] [--only listJobs,...] [--real-workers]
+    measurements/isolation/isolation.py --built BUILD --routes SECONDS | --writes | --serving-thread [--jobs 0] [--only listJobs,...] [--real-workers]
                        [--place DIRECTORY] [--output FILE.csv]
 
 The second form measures each row of the table of routes (measurements/isolation/isolation_routes.py). The first one measures the
@@ -97,6 +97,8 @@ class Daemon:
                       "--worker", worker, "--workers", "2", "--log_level", "warning", "--input_roots", base / "inputs",
                       "--output_roots", base / "outputs", "--drain_s", str(DRAIN_S), "--grace_s", str(GRACE_S),
                       "--user_results_mb", "1000", "--delete_undelivered", "1"]
+        if getattr(options, "writes", False):
+            self.words += ["--user_tasks", "0"]
         self.process = None
 
     def token(self, user, scopes):
@@ -688,6 +690,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--routes", type=float, metavar="SECONDS")
+    parser.add_argument("--writes", action="store_true")
     parser.add_argument("--serving-thread", action="store_true")
     parser.add_argument("--untimed", action="store_true")
     parser.add_argument("--real-workers", action="store_true")
@@ -698,10 +701,10 @@ def main():
     options.built = options.built.resolve()
     run = campaign
     if options.jobs is None:
-        options.jobs = 0 if options.routes or options.serving_thread else 113000
-    if options.routes or options.serving_thread:
+        options.jobs = 0 if options.routes or options.writes or options.serving_thread else 113000
+    if options.routes or options.writes or options.serving_thread:
         import isolation_routes
-        run = isolation_routes.routes if options.routes else isolation_routes.serving_thread
+        run = isolation_routes.routes if options.routes else isolation_routes.writes if options.writes else isolation_routes.serving_thread
     else:
         print(f"seed {options.seed}", flush=True)
     with tempfile.TemporaryDirectory(dir=options.place) as where:

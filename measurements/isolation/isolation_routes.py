@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two modes of measurements/isolation/isolation.py, which measure each row of the table of routes.
+"""Three modes of measurements/isolation/isolation.py, which measure each row of the table of routes.
 
 --routes SECONDS: one client sends the request of each row over 200 connections: anonymously, with a token of scope read, and with one
 that may submit. Another user measures GET /healthz, GET of a job and POST of a job beside it. The rows are those of the OpenAPI document,
 with streams and long files in addition. Goals: p99 at most 50, 50 and 150 ms above that of the echo.
+
+Pages of tasks and attempts are of an array of 100 000 frames, 500 of which have results. Pages of events and files have 500 elements, too.
+
+--writes: one user makes the largest permitted calls of each writing route whose work grows with its call, 32 at once; another user
+measures POST of a job until all are answered. user_tasks is 0. Goal: p99 at most 300 ms above that of the echo.
 
 --serving-thread: the processor time that one request of each row takes in the thread that serves all connections, from
 /proc/PID/task/TID/schedstat: the median of 100 requests on one connection. This includes receiving, the head and sending, so the calls of
@@ -11,6 +16,7 @@ handlers take less. HEAD shows the time of a GET without sending the body. Goal:
 takes more than 0.2 ms. A row without such a call is only received and sent there.
 """
 import collections
+import concurrent.futures
 import hashlib
 import http.client
 import itertools
@@ -21,6 +27,7 @@ import pathlib
 import re
 import secrets
 import selectors
+import shutil
 import socket
 import sqlite3
 import statistics
@@ -39,8 +46,12 @@ GOAL_CPU_MS = 0.2
 PIECE, SINK_PIECE = 65536, 16384  # of files; of uploads, header_limit_bytes
 LONG_BYTES = 16 << 20  # of a result, and of an upload
 BACKLOG = 50000  # events
+FRAMES, WITH_RESULT = 100000, 500  # of the array
+WRITES, NEEDS = 32, 1000  # calls at once; jobs in depends_on and in after
+WRITE_GOAL_MS = 300
 STREAM_BYTES = 1 << 20  # of a stream, after which the client closes it and begins again
 ROUTES_COLUMNS = ["row", "answers_per_s", "echo_p99_ms", "healthz_p99_ms", "status_p99_ms", "post_p99_ms", "goals"]
+WRITES_COLUMNS = ["row", "answers", "seconds", "echo_p99_ms", "post_number", "post_p99_ms", "post_longest_ms", "goal"]
 THREAD_COLUMNS = ["row", "calls", "status", "answer_bytes", "whole_request_ms", "head_ms"]
 SOURCE = pathlib.Path(__file__).resolve().parents[2] / "src/service/api/routes.c"
 
@@ -82,6 +93,13 @@ class Scene:
         self.job = client.ask("POST", "/v1/jobs", ball(1, name="for-all")).json["id"]
         while client.ask("GET", f"/v1/jobs/{self.job}", headers={"Prefer": "wait=10"}).json["state"] != "succeeded":
             pass
+        (base / "inputs" / "a.000001.off").write_bytes(self.upload)
+        boss = Client(self.daemon.address, self.admin)
+        boss.ask("POST", "/v1/admin/hold")
+        self.array = client.ask("POST", "/v1/jobs", frames(0)).json["id"]
+        client.ask("POST", f"/v1/jobs/{self.array}/cancel")
+        boss.ask("POST", "/v1/admin/release")
+        boss.close()
         client.close()
         self.lengthen(base)
         self.page = next((f for f in ("page.js", "main.js", "index.html")
@@ -94,7 +112,17 @@ class Scene:
             db.execute("WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?2)"
                        " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n WHERE id = ?1",
                        (self.job, BACKLOG))
+            array, maker = (db.execute("SELECT seq FROM job WHERE id = ?", (i,)).fetchone()[0] for i in (self.array, self.job))
+            db.execute("INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, host, reason) SELECT job, number, 1, 0, 1, 0,"
+                       " 'here', 'ended' FROM task WHERE job = ?", (array,))
+            db.execute("UPDATE task SET attempt = 1, state = iif(number < ?2, 'succeeded', state), outcome = iif(number < ?2, 'converged', NULL)"
+                       " WHERE job = ?1", (array, WITH_RESULT))
+            db.execute("UPDATE job SET attempts = ?2, succeeded = ?3, cancelled = cancelled - ?3 WHERE seq = ?1", (array, FRAMES, WITH_RESULT))
+            db.execute("INSERT INTO event (at_ms, job, type, state, frame, attempt) SELECT 0, job, 'started', 'running', frame, 1 FROM task"
+                       " WHERE job = ?", (array,))
         db.close()
+        for frame in range(1, WITH_RESULT + 1):
+            shutil.copytree(self.daemon.state / "results" / self.job, self.daemon.state / "results" / f"{self.array}.{frame}", copy_function=os.link)
         file = self.daemon.state / "results" / self.job / "points.ply"
         with open(file, "r+b") as out:
             out.truncate(LONG_BYTES)
@@ -143,15 +171,22 @@ class Scene:
 
 
 def loads(scene):
-    """(title, row, query, headers) of each row, and of streams and long files."""
+    """(title, row, query, headers) of each row, and of streams, long files and long pages."""
     for row in scene.rows():
         yield row[0], row, "", ()
+        if row[0] in ("listTasks", "listAttempts", "followJob"):
+            after = "&after=0" if row[0] == "followJob" else ""
+            yield row[0] + " (500)", (row[0], row[1], row[2].replace("{id}", scene.array), row[3]), "?limit=500" + after, ()
+        elif row[0] == "followJobs":
+            yield row[0] + " (500)", row, "?limit=500&after=0&all=1", ()
+        elif row[0] == "listFiles":
+            yield row[0] + " (500)", row, f"?limit=500&path={scene.daemon.base}/inputs", ()
         if row[0] in ("followJob", "followJobs"):
             all_jobs = "&all=1" if row[0] == "followJobs" else ""
             yield row[0] + " (backlog)", row, "?after=0" + all_jobs, ("Accept: text/event-stream",)
             if all_jobs:
                 yield row[0] + " (new events)", row, "?all=1", ("Accept: text/event-stream",)
-        elif row[0] == "listJobs":
+        if row[0] == "listJobs":
             yield row[0] + " (500)", row, "?limit=500", ()
         elif row[0] == "getResult":
             yield row[0] + f" ({LONG_BYTES >> 20} MiB)", (row[0], row[1], f"/v1/jobs/{scene.job}/results/points.ply", row[3]), "", ()
@@ -288,6 +323,96 @@ def routes(options, base):
         scene.daemon.process.wait()
     if options.output:
         results.write(options.output, ROUTES_COLUMNS, rows)
+    print("\n" + ("\n".join(f"missed: {text}" for text in missed) or "All goals are met."))
+    return 1 if missed else 0
+
+
+# ---- the largest calls of routes that write
+
+def frames(number, count=FRAMES, **queue):
+    """A spec with many frames, which wait behind all other jobs. Only the file of the first one exists."""
+    return ball(number, surface={"mesh": {"path": "a.######.off"}}, queue={"frames": f"1-{count}", "priority": -1000, **queue})
+
+
+def writes_of(scene):
+    """(title, calls) in their order; a call is (method, path, document). The jobs of earlier calls are those of later ones."""
+    post = lambda documents: [("POST", "/v1/jobs", document) for document in documents]
+    tell = lambda made, word: [("POST", f"/v1/jobs/{job}/{word}", None) for job in made]
+    client = Client(scene.daemon.address, scene.tokens["submitter"])
+    held = client.ask("POST", "/v1/jobs", frames(1, depends_on=[client.ask("POST", "/v1/jobs", frames(2)).json["id"]])).json["id"]
+    needs = [client.ask("POST", "/v1/jobs", ball(10 + i, queue={"depends_on": [held]})).json["id"] for i in range(2 * NEEDS)]
+    client.close()
+    yield "submitJob (100 000 frames)", post(frames(100 + i) for i in range(WRITES))
+    arrays = scene.made
+    yield "submitJob (a pattern of 100 000 files)", post(
+        ball(200 + i, surface={"mesh": {"path": "{file}"}}, queue={"files": "many/*.off", "priority": -1000}) for i in range(WRITES))
+    sets = scene.made
+    yield "submitJob (2 000 jobs to wait for)", post(
+        ball(300 + i, queue={"depends_on": needs[:NEEDS], "after": needs[NEEDS:]}) for i in range(WRITES))
+    yield "submitJob (100 000 frames that wait for frames)", post(frames(400 + i, after_frames=[arrays[i]]) for i in range(WRITES))
+    waiting = scene.made
+    yield "editJob", [("PATCH", f"/v1/jobs/{job}", {"labels": [f"label{i}" for i in range(32)], "priority": -999}) for job in arrays]
+    yield "cancelJob (an array for whose frames another one waits)", tell(arrays, "cancel")
+    yield "retryJob (100 000 frames)", tell(arrays, "retry")
+    yield "cancelJob (again)", tell(arrays, "cancel")
+    yield "retryJob (with dependents)", [(m, p + "?dependents=1", d) for m, p, d in tell(arrays, "retry")]
+    yield "cancelJob (data sets)", tell(sets, "cancel")
+    yield "cancelJob (2 000 jobs wait)", tell([held], "cancel")
+    yield "deleteJob (data sets)", [("DELETE", f"/v1/jobs/{job}", None) for job in sets]
+    for job in arrays + waiting:
+        Client(scene.daemon.address, scene.tokens["submitter"]).ask("POST", f"/v1/jobs/{job}/cancel")
+    yield "deleteJob (100 000 frames)", [("DELETE", f"/v1/jobs/{job}", None) for job in arrays + waiting]
+
+
+def send_all(address, token, calls, pipe):
+    """Sends all calls, WRITES of them at once; reports the statuses and the ids of jobs."""
+    be_last()
+
+    def send(call):
+        client = Client(address, token)
+        answer = client.ask(*call, headers={"Content-Type": "application/json"} if call[2] else None)
+        client.close()
+        return answer.status, answer.json.get("id") if answer.status == 201 else answer.body[:200].decode()
+
+    with concurrent.futures.ThreadPoolExecutor(WRITES) as pool:
+        pipe.send(list(pool.map(send, calls)))
+
+
+def writes(options, base):
+    """The mode --writes."""
+    scene = Scene(options, base)
+    (base / "inputs" / "many").mkdir()
+    for i in range(FRAMES):
+        (base / "inputs" / "many" / f"{i:06}.off").touch()
+    measured, missed, rows = Measured(scene.daemon, scene.own), [], []
+    print(f"measurements/isolation/isolation.py --writes: {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}\n")
+    print(*WRITES_COLUMNS, sep=", ", flush=True)
+    try:
+        for title, calls in writes_of(scene):
+            near, far = multiprocessing.Pipe(False)
+            sender = multiprocessing.Process(target=send_all, args=(scene.daemon.address, scene.tokens["submitter"], calls, far))
+            sender.start()
+            times, began, measured.faults = collections.defaultdict(list), time.monotonic(), []
+            while not near.poll():
+                measured.timed(times, "echo", measured.beat)
+                measured.timed(times, "POST", measured.submit, 201)
+                time.sleep(PAUSE_S)
+            answers, seconds = near.recv(), time.monotonic() - began
+            sender.join()
+            scene.made = [made for status, made in answers if status == 201]
+            statuses = collections.Counter(status for status, _ in answers)
+            refused = [text for status, text in answers if status >= 300]
+            p99 = {name: percentile(values, .99) for name, values in times.items()}
+            met = p99["POST"] <= p99["echo"] + WRITE_GOAL_MS and not measured.faults and not refused
+            rows.append([title, "; ".join(f"{s}: {n}" for s, n in sorted(statuses.items())), f"{seconds:.1f}", f"{p99['echo']:.1f}",
+                         len(times["POST"]), f"{p99['POST']:.1f}", f"{max(times['POST']):.0f}", outcome(met)])
+            print(*rows[-1], sep=", ", flush=True)
+            missed += [] if met else [f"{title}: {(measured.faults + refused + ['late'])[0]}"]
+    finally:
+        scene.daemon.process.kill()
+        scene.daemon.process.wait()
+    if options.output:
+        results.write(options.output, WRITES_COLUMNS, rows)
     print("\n" + ("\n".join(f"missed: {text}" for text in missed) or "All goals are met."))
     return 1 if missed else 0
 

@@ -133,6 +133,62 @@ static void *change_at_low_priority(void *argument)
 }
 
 /* Otherwise changes of the usual priority would wait for a thread that rarely gets a processor. */
+typedef struct recorded {
+    change change;
+    place *p;
+    pthread_t thread;
+    char name;
+} recorded;
+
+static char record[8];
+static sem_t in_change, may_end;
+
+static bool record_change(database *d, change *c)
+{
+    (void)d;
+    record[strlen(record)] = ((recorded *)c)->name;
+    if (((recorded *)c)->name != 'x') return true;
+    sem_post(&in_change);
+    sem_wait(&may_end);
+    return true;
+}
+
+static void *run_recorded(void *argument)
+{
+    recorded *r = argument;
+    assert_true(database_change(queue_database(r->p->q), &r->change, NULL));
+    return NULL;
+}
+
+/* Starts a thread with the change, and waits until it is in a line. */
+static void start_recorded(recorded *r)
+{
+    assert_int_equal(pthread_create(&r->thread, NULL, run_recorded, r), 0);
+    while (r->change.user && !__atomic_load_n(&r->change.arrival, __ATOMIC_ACQUIRE)) sched_yield();
+}
+
+static void test_users_take_turns_with_changes_of_many_rows(void **state)
+{
+    place *p = *state;
+    recorded all[] = {{.name = 'x'},
+                      {.name = 'a', .change.user = "ann"},
+                      {.name = 'b', .change.user = "ann"},
+                      {.name = 'c', .change.user = "ann"},
+                      {.name = 'd', .change.user = "ben"}};
+    memset(record, 0, sizeof record);
+    sem_init(&in_change, 0, 0);
+    sem_init(&may_end, 0, 0);
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        all[i].p = p;
+        all[i].change.apply = record_change;
+        start_recorded(&all[i]);
+        if (!i) sem_wait(&in_change); /* the others wait for this transaction */
+    }
+    sem_post(&may_end);
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) pthread_join(all[i].thread, NULL);
+    assert_string_equal(record, "xadbc");
+}
+
 static void test_a_thread_of_low_priority_commits_nothing(void **state)
 {
     place *p = *state;
@@ -247,14 +303,14 @@ static void test_a_killed_process_loses_nothing(void **state)
 }
 
 /* Removes the additions of version 21. */
-#define BEFORE_21                                                                                        \
-    "DROP TABLE ended; DROP INDEX job_pieces; DROP INDEX job_hidden; DROP INDEX task_uncopied;"          \
-    "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN target; ALTER TABLE job DROP COLUMN target_from;" \
-    "ALTER TABLE job DROP COLUMN target_message; ALTER TABLE job DROP COLUMN examine_from;"              \
-    "ALTER TABLE job DROP COLUMN copy_from; ALTER TABLE owner DROP COLUMN tasks;"                        \
-    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"                      \
-    "  WHERE ready > held AND pending = 0 AND is_paused = 0 AND"                                         \
-    "  (is_ordered = 0 OR running + delayed + first_held = 0)"                                           \
+#define BEFORE_21                                                                                                           \
+    "DROP TABLE ended; DROP INDEX job_pieces; DROP INDEX job_hidden; DROP INDEX task_uncopied; DROP INDEX removal_of_task;" \
+    "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN target; ALTER TABLE job DROP COLUMN target_from;"                    \
+    "ALTER TABLE job DROP COLUMN target_message; ALTER TABLE job DROP COLUMN examine_from;"                                 \
+    "ALTER TABLE job DROP COLUMN copy_from; ALTER TABLE owner DROP COLUMN tasks;"                                           \
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"                                         \
+    "  WHERE ready > held AND pending = 0 AND is_paused = 0 AND"                                                            \
+    "  (is_ordered = 0 OR running + delayed + first_held = 0)"                                                              \
     "  AND (max_running = 0 OR running < max_running) AND chunks_busy = 0;"
 
 /* Removes the additions of version 20. Version 19 has the tables of version 18. */
@@ -705,6 +761,7 @@ int main(void)
         CASE(test_a_change_wakes_the_tasks_that_wait),
         CASE(test_many_threads_submit),
         CASE(test_a_thread_of_low_priority_commits_nothing),
+        CASE(test_users_take_turns_with_changes_of_many_rows),
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_jobs_of_version_15_wait_for_no_frames),
         CASE(test_arrays_of_version_16_have_no_chunks),

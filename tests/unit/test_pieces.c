@@ -233,7 +233,7 @@ static void test_a_deletion_survives_a_kill_in_any_commit(void **state)
 static void test_waiting_arrays_and_jobs_follow_a_failure_after_a_kill(void **state)
 {
     place *p = *state;
-    enum { SMALL = DATABASE_FEW_ROWS + 30 };
+    enum { SMALL = DATABASE_FEW_ROWS + 5 };
     int kills = 0;
     for (bool killed = true; killed; kills += killed) {
         char need[ULID_SIZE], array[ULID_SIZE], by_frame[ULID_SIZE], job[ULID_SIZE];

@@ -97,6 +97,7 @@ struct database {
     pthread_cond_t committed;
     change_list waiting;
     uint64_t turn; /* of the last change with a user that was applied */
+    uint64_t arrivals;
     bool leading;
     int nice; /* nice value of the thread that opened the database */
     pthread_t commit_thread;
@@ -342,18 +343,32 @@ static void set_turn(database *d, change *c)
 {
     const change *other;
     c->turn = d->turn;
+    if (!c->arrival) c->arrival = ++d->arrivals;
     STAILQ_FOREACH (other, &d->waiting, link)
         if (other->user && strcmp(other->user, c->user) == 0 && other->turn > c->turn) c->turn = other->turn;
     c->turn++;
 }
 
-/* Moves the changes of the next transaction to `all`: those without a user, and the one whose turn it is. */
+/* Returns the first change of the user whose turn it is; NULL: there is none. */
+static change *choose_first(database *d)
+{
+    change *c, *turn = NULL, *first;
+    STAILQ_FOREACH (c, &d->waiting, link)
+        if (c->user && (!turn || c->turn < turn->turn)) turn = c;
+    if (!turn) return NULL;
+    first = turn;
+    STAILQ_FOREACH (c, &d->waiting, link)
+        if (c->user && strcmp(c->user, turn->user) == 0 && c->arrival < first->arrival) first = c;
+    d->turn = turn->turn;
+    turn->turn = first->turn;
+    first->turn = d->turn;
+    return first;
+}
+
+/* Moves the changes of the next transaction to `all`: those without a user, and one with a user. */
 static void take_changes(database *d, change_list *all)
 {
-    change *c, *next, *first = NULL;
-    STAILQ_FOREACH (c, &d->waiting, link)
-        if (c->user && (!first || c->turn < first->turn)) first = c;
-    if (first) d->turn = first->turn;
+    change *c, *next, *first = choose_first(d);
     for (c = STAILQ_FIRST(&d->waiting); c; c = next) {
         next = STAILQ_NEXT(c, link);
         if (c->user && c != first) continue;

@@ -59,7 +59,8 @@ struct change {
      * struct that has the outputs. */
     bool (*apply)(database *d, change *c);
     const char *user; /* takes a turn of this user, for DATABASE_PIECE_ROWS; NULL: DATABASE_FEW_ROWS */
-    uint64_t turn;    /* used by the database */
+    uint64_t turn,
+        arrival; /* used by the database. A change that is made again keeps its place in its user's line */
     error fault;
     bool done, ok;
     STAILQ_ENTRY(change) link;

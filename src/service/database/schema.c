@@ -52,6 +52,7 @@
 
 /* The service instance (one row), and the deleted tasks whose directories must be removed: the directory of
  * the result, and the directories of the attempts up to the stored number. */
+#define REMOVAL_OF_TASK "CREATE INDEX removal_of_task ON removal (id, frame);"
 #define INSTANCE                    \
     "CREATE TABLE instance ("       \
     "  id TEXT NOT NULL,"           \
@@ -63,7 +64,7 @@
     "  frame INTEGER,"              \
     "  attempts INTEGER NOT NULL"   \
     ") STRICT;"                     \
-    "CREATE INDEX removal_by_id ON removal (id);"
+    "CREATE INDEX removal_by_id ON removal (id);" REMOVAL_OF_TASK
 
 /* Number of jobs in each state, for frequent measurements; without those that no caller sees (SCHEMA_WHOLE). */
 #define STATE_COUNT                             \
@@ -445,7 +446,7 @@ static const char add_pieces[] =
     "UPDATE owner SET tasks ="
     "  (SELECT coalesce(sum(ready + delayed + running), 0) FROM job WHERE job.owner = owner.name);"
     "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes;" STATE_COUNT_CHANGES ENDED;
-static const char add_uncopied[] = UNCOPIED;
+static const char add_uncopied[] = UNCOPIED REMOVAL_OF_TASK;
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
 /* Migration from builds before 1.0.0. The cache keys of some have no commit, so no result of them is reused.

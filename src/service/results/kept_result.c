@@ -6,6 +6,9 @@
 #include "service/results/result.h"
 #include "files/file.h"
 
+/* Tasks that one query reads. */
+#define PAGE 1000
+
 bool kept_result_take(const char *work_dir, const queue_claimed *claimed, const char *directory)
 {
     const queue_task *task = &claimed->task;
@@ -22,14 +25,17 @@ bool kept_result_take(const char *work_dir, const queue_claimed *claimed, const 
 
 void kept_result_remove(queue *q, const char *work_dir, const char *id)
 {
-    queue_task *tasks = NULL;
-    size_t count = 0;
-    if (!queue_list_tasks(q, id, -1, INT32_MAX, &tasks, &count, NULL)) return;
-    for (size_t i = 0; i < count; i++) {
-        if (tasks[i].state != QUEUE_CANCELLED || !tasks[i].storage_faults) continue;
-        char *directory = result_attempt_directory(work_dir, id, tasks[i].frame, tasks[i].attempt);
-        result_remove_leftovers(directory);
-        free(directory);
+    size_t count = PAGE;
+    for (int after = -1; count == PAGE;) {
+        queue_task *tasks = NULL;
+        if (!queue_list_tasks(q, id, after, PAGE, &tasks, &count, NULL)) return;
+        for (size_t i = 0; i < count; i++) {
+            after = tasks[i].number;
+            if (tasks[i].state != QUEUE_CANCELLED || !tasks[i].storage_faults) continue;
+            char *directory = result_attempt_directory(work_dir, id, tasks[i].frame, tasks[i].attempt);
+            result_remove_leftovers(directory);
+            free(directory);
+        }
+        queue_tasks_free(tasks, count);
     }
-    queue_tasks_free(tasks, count);
 }
