@@ -193,6 +193,25 @@ def lost_paths(root):
     return faults
 
 
+PROSE = ("src", "include", "etc", "page", "share", "systemd", "clients", "debian", "doc", "tools", "fuzz")  # whose texts users read
+
+
+def lost_pages(root):
+    """Pages, and their headings, that any text names and that are nowhere: in strings of programs, help, settings, manual pages,
+    units, the web page. A page may be named without its folder, doc."""
+    faults = []
+    for name in (*files_of(root, PROSE, ""), *(p.name for p in sorted(root.iterdir()) if p.is_file())):
+        try:
+            text = (root / name).read_text()
+        except UnicodeDecodeError:  # a picture
+            continue
+        for found in re.finditer(r"(?<![\w./{}*$-])((?:doc/)?\w+\.md)\b(?:#([\w-]+))?", text):
+            pages = [path for path in (root / found[1], root / "doc" / found[1], (root / name).parent / found[1]) if path.is_file()]
+            if not pages or found[2] and found[2] not in anchors_of(pages[0]):
+                faults.append(f"{name}:{text.count(chr(10), 0, found.start()) + 1}: the page {found[0]} is nowhere")
+    return faults
+
+
 STANDARD_TARGETS = ("all", "check", "clean", "dist", "distcheck", "distclean", "install", "uninstall")
 
 
@@ -319,7 +338,7 @@ def inexact_calls(root):
     return faults
 
 
-CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_links, lost_paths, lost_targets, undescribed_files,
+CHECKS = [unformatted, misplaced_pages, left_out, other_versions, lost_links, lost_paths, lost_pages, lost_targets, undescribed_files,
           unescaped_prints, indexed_lists, untimed_calls, imported_tests, unnamed_tests,
           lost_recipes, unlicensed, unpackaged_paths, inexact_calls]
 
@@ -404,6 +423,10 @@ FAULTS = [
     (lost_paths, "src/base/Makefile.inc", "x_SOURCES += %D%/gone.c\n", "src/base/Makefile.inc:1: src/base/gone.c is nowhere"),
     (lost_paths, "tools/new.py", 'PAGE = "doc/gone.md"\n', "tools/new.py:1: doc/gone.md is nowhere"),
     (lost_paths, "tests/new.sh", "# as share/gone does\n", "tests/new.sh:1: share/gone is nowhere"),
+    (lost_pages, "src/base/new.c", 'int one(void)\n{\n    log_write("see gone.md");\n}\n', "src/base/new.c:3: the page gone.md is nowhere"),
+    (lost_pages, "etc/hexad.conf", "# see doc/gone.md\n", "etc/hexad.conf:1: the page doc/gone.md is nowhere"),
+    (lost_pages, "doc/man/hexad.8", "the page gone.md\n", "doc/man/hexad.8:1: the page gone.md is nowhere"),
+    (lost_pages, "include/hexad.h", "/* doc/guide.md#gone */\n", "include/hexad.h:1: the page doc/guide.md#gone is nowhere"),
     (lost_targets, "doc/guide.md", "`make -C build time\ngone A=1`\n", "doc/guide.md:1: there is no target gone of make"),
     (lost_targets, "doc/guide.md", "```sh\nmake -j2 gone  # a word\n```\n", "doc/guide.md:2: there is no target gone of make"),
     (lost_targets, "src/base/new.c", "/* new: time.\n   `make gone` writes it. */\n", "src/base/new.c:2: there is no target gone of make"),
