@@ -22,6 +22,13 @@ typedef enum polygon_result {
  * its corners, turned as the polygon. out[] holds values of corner[], which are vertex indices. Every corner
  * is used, also one on a straight line, so that neighbours share whole edges.
  *
+ *            3
+ *           /|\
+ *          / | \         corner 1 is reflex: the diagonal from 0 to 2 lies outside. 0 and 2 are ears;
+ *         /  1  \        the triangles are 3 0 1 and 3 1 2
+ *        / .' '. \
+ *       0         2
+ *
  * The triangles of a simple planar polygon cover it once, and lie within it. A spike, of which two sides lie
  * on each other to within rounding, becomes a triangle without area. A quadrangle is cut along the shorter of
  * its diagonals that lie inside. A polygon of more corners that is not planar is cut as its projection along

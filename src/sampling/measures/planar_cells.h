@@ -2,7 +2,17 @@
 /* planar_cells: the Voronoi cells that follow from the points alone, without the triangles of the surface.
  *
  * Where a surface is smooth between its points, the restricted Voronoi cell of a point is the polygon that the
- * bisectors bound in its tangent plane (voronoi_star_planar). A cell is certain if
+ * bisectors bound in its tangent plane (voronoi_star_planar).
+ *
+ *          n2       n1
+ *            .-----.
+ *           /       \
+ *     n3   |    p    |   n6     each side is on the bisector of p and a neighbour;
+ *           \       /           `farthest` is the distance of a corner from p
+ *            '-----'
+ *          n4       n5
+ *
+ * A cell is certain if
  * - the point, and all points within twice the radius of the cell, are plain: in the interior of one patch of
  *   one piece, with one oriented normal;
  * - none of these is on an opposite wall (VORONOI_OPPOSITE_COSINE);

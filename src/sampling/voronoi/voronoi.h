@@ -2,6 +2,12 @@
 /* voronoi: the Voronoi diagram of points restricted to their surface, by its dual, the restricted Delaunay
  * triangulation.
  *
+ *              o outside: the circumcentre of the tetrahedron above
+ *              |
+ *      a ----- b ----- c   the surface, with three points seen from the side
+ *              |
+ *              o inside: the circumcentre of the tetrahedron below
+ *
  * Three points form a triangle of the surface if it is a triangle of the Delaunay triangulation in space
  * whose dual Voronoi edge crosses the surface (Edelsbrunner and Shah 1997, "Triangulating Topological
  * Spaces"). The edge crosses the surface if one of its ends, the circumcentres of the two tetrahedra that
