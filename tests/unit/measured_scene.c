@@ -303,13 +303,20 @@ static double *find_euler(const scene *s, const facets_input *on, threads *pool)
 {
     error e = {0};
     facets f = {0};
-    const mesh m = {.vertex_count = s->vertices,
-                    .triangle_count = s->triangles,
-                    .vertex = s->vertex,
-                    .triangle = s->triangle};
+    mesh one = {.vertex_count = s->vertices,
+                .vertex = s->vertex,
+                .triangle = calloc(s->triangles, sizeof *one.triangle)};
     assert_true(facets_open(on, &f, &e));
     double *euler = calloc(f.piece_count, sizeof *euler);
-    assert_true(euler && mesh_euler_add(&m, f.piece, true, pool, euler, &e));
+    assert_true(euler && one.triangle);
+    for (uint32_t p = 0; p < f.piece_count; p++) {
+        one.triangle_count = 0;
+        for (size_t t = 0; t < s->triangles; t++)
+            if (f.piece[t] == p)
+                memcpy(one.triangle[one.triangle_count++], s->triangle[t], sizeof *one.triangle);
+        assert_true(mesh_euler_add(&one, true, pool, &euler[p], &e));
+    }
+    free(one.triangle);
     facets_free(&f);
     return euler;
 }

@@ -11,12 +11,12 @@
 #include "geometry/mesh/mesh_euler.h"
 #include "geometry/mesh/mesh_weld.h"
 
-static double euler_of(const mesh *m, const uint32_t *piece, size_t of, bool borders)
+static double euler_of(const mesh *m, bool borders)
 {
     error e = {0};
-    double euler[2] = {0, 0};
-    assert_true(mesh_euler_add(m, piece, borders, mesh_fixture_pool(), euler, &e));
-    return euler[of];
+    double euler = 0;
+    assert_true(mesh_euler_add(m, borders, mesh_fixture_pool(), &euler, &e));
+    return euler;
 }
 
 static vec3 flat(double u, double v)
@@ -28,8 +28,8 @@ static void assert_euler(mesh m, double whole, double inner)
 {
     error e = {0};
     assert_true(mesh_weld_vertices(&m, mesh_fixture_pool(), &e));
-    assert_true(euler_of(&m, NULL, 0, true) == whole);
-    assert_true(euler_of(&m, NULL, 0, false) == inner);
+    assert_true(euler_of(&m, true) == whole);
+    assert_true(euler_of(&m, false) == inner);
     mesh_free(&m);
 }
 
@@ -49,18 +49,8 @@ static void edge_of_three_triangles_counts_once(void **state)
     vec3 vertex[] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}};
     uint32_t triangle[][3] = {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}};
     const mesh m = {.vertex_count = 5, .triangle_count = 3, .vertex = vertex, .triangle = triangle};
-    assert_true(euler_of(&m, NULL, 0, true) == 1);
-    assert_true(euler_of(&m, NULL, 0, false) == 2); /* three triangles minus one edge */
-}
-
-static void pieces_that_share_a_vertex_count_it_for_each(void **state)
-{
-    (void)state;
-    vec3 vertex[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
-    uint32_t triangle[][3] = {{0, 1, 2}, {0, 3, 4}};
-    const uint32_t piece[] = {0, 1};
-    const mesh m = {.vertex_count = 5, .triangle_count = 2, .vertex = vertex, .triangle = triangle};
-    for (size_t p = 0; p < 2; p++) assert_true(euler_of(&m, piece, p, true) == 1);
+    assert_true(euler_of(&m, true) == 1);
+    assert_true(euler_of(&m, false) == 2); /* three triangles minus one edge */
 }
 
 /* A triangle with two equal corners connects its neighbours as if it were not there. */
@@ -70,8 +60,8 @@ static void triangle_with_equal_corners_changes_nothing(void **state)
     vec3 vertex[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
     uint32_t triangle[][3] = {{0, 1, 2}, {1, 1, 2}, {1, 3, 2}};
     const mesh m = {.vertex_count = 4, .triangle_count = 3, .vertex = vertex, .triangle = triangle};
-    assert_true(euler_of(&m, NULL, 0, true) == 1);
-    assert_true(euler_of(&m, NULL, 0, false) == 1);
+    assert_true(euler_of(&m, true) == 1);
+    assert_true(euler_of(&m, false) == 1);
 }
 
 int main(void)
@@ -79,7 +69,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(characteristic_is_that_of_the_shape),
         cmocka_unit_test(edge_of_three_triangles_counts_once),
-        cmocka_unit_test(pieces_that_share_a_vertex_count_it_for_each),
         cmocka_unit_test(triangle_with_equal_corners_changes_nothing),
     };
     return cmocka_run_group_tests_name("mesh_euler", tests, NULL, NULL);

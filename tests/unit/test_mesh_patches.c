@@ -245,6 +245,31 @@ static void test_a_mesh_without_area_has_no_surface(void **state)
     assert_int_equal(e.code, ERROR_NO_SURFACE);
 }
 
+/* Checks the Euler characteristic of the inside of each patch. */
+static void assert_euler(mesh m, double angle, size_t patches, const int64_t *euler)
+{
+    mesh_patches p = make(m, angle);
+    assert_int_equal(p.count, patches);
+    for (size_t k = 0; k < patches; k++) assert_int_equal(p.euler[k], euler[k]);
+    mesh_patches_free(&p);
+}
+
+static void euler_is_that_of_the_insides(void **state)
+{
+    (void)state;
+    static const int64_t faces[] = {1, 1, 1, 1, 1, 1}, ball = 2, moebius = 0, fin[] = {0, 1};
+    assert_euler(mesh_fixture_ball(vec3_make(0, 0, 0), 1, 2), MESH_PATCHES_AUTOMATIC, 1, &ball);
+    assert_euler(mesh_fixture_box(vec3_make(0, 0, 0), vec3_make(1, 1, 1), 0.3), MESH_PATCHES_AUTOMATIC, 6,
+                 faces);
+    assert_euler(mesh_fixture_sheet(40, 4, mesh_fixture_moebius), 0, 1, &moebius);
+    /* A sheet with a triangle on one inner edge, which is a slit in it: the sheet's inside is a ring. */
+    mesh sheet = mesh_fixture_sheet(4, 4, flat);
+    mesh_fixture_append(&sheet, mesh_fixture_sheet(1, 1, wall));
+    for (int k = 0; k < 2; k++) mesh_fixture_remove(&sheet, sheet.triangle_count - 1);
+    mesh_fixture_add(&sheet, 6, 7, 27);
+    assert_euler(sheet, 0, 2, fin);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -260,6 +285,7 @@ int main(void)
         cmocka_unit_test(test_t_junctions),
         cmocka_unit_test(test_disconnected_triangles_are_patches),
         cmocka_unit_test(test_a_mesh_without_area_has_no_surface),
+        cmocka_unit_test(euler_is_that_of_the_insides),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_euler: the Euler characteristic of the pieces of a mesh: vertices minus edges plus triangles. An edge of several
- * triangles, and a vertex of several triangles of a piece, count once. */
+/* mesh_euler: the Euler characteristic of a mesh: vertices minus edges plus triangles. An edge, and a vertex, of several
+ * triangles counts once. */
 #ifndef HEXAD_GEOMETRY_MESH_MESH_EULER_H
 #define HEXAD_GEOMETRY_MESH_MESH_EULER_H
 
@@ -8,9 +8,8 @@
 #include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 
-/* Adds to euler[piece[t]] for each triangle t; `piece` NULL: all are of piece 0. Without `borders`, edges of one triangle
- * and their vertices do not count. Triangles with two equal corners are ignored. Errors: limit_memory, cancelled. */
-bool mesh_euler_add(const mesh *m, const uint32_t *piece, bool borders, threads *pool, double *euler,
-                    error *e);
+/* Adds to *euler. Without `borders`, edges of one triangle and their vertices do not count. Triangles with two equal
+ * corners are ignored. Errors: limit_memory, cancelled. */
+bool mesh_euler_add(const mesh *m, bool borders, threads *pool, double *euler, error *e);
 
 #endif

@@ -43,6 +43,7 @@ static bool use_patches(const mesh_patches *p, const field_patches *of, measured
                                  .patch_count = p->count};
     out->mesh = &p->m;
     out->patches = of;
+    out->patch_euler = p->euler;
     if (!find_patch_pieces(of, &out->patch_piece, e)) return false;
     out->facets.patch_piece = out->patch_piece;
     return true;
@@ -114,18 +115,6 @@ static size_t count_pieces(const measured_surface *m)
     return count;
 }
 
-static bool add_mesh(const measured_surface *m, threads *pool, double *euler, error *e)
-{
-    uint32_t *piece = m->patches ? mem_array(m->mesh->triangle_count, sizeof *piece, what, e) : NULL;
-    bool ok = piece || !m->patches;
-    for (size_t p = 0; piece && p < m->patches->count; p++)
-        for (size_t t = m->facets.patch_first[p]; t < m->facets.patch_first[p + 1]; t++)
-            piece[t] = m->patch_piece[p];
-    ok = ok && mesh_euler_add(m->mesh, piece, !m->patches, pool, euler, e);
-    free(piece);
-    return ok;
-}
-
 /* Adds the triangles of the scan's cells of patch p. */
 static bool add_patch(const measured_surface *m, size_t p, threads *pool, double *euler, error *e)
 {
@@ -144,7 +133,7 @@ static bool add_patch(const measured_surface *m, size_t p, threads *pool, double
             }
     }
     const bool ok = of.triangle && mesh_weld_vertices(&of, pool, e) &&
-                    mesh_euler_add(&of, NULL, false, pool, &euler[m->patch_piece[p]], e);
+                    mesh_euler_add(&of, false, pool, &euler[m->patch_piece[p]], e);
     mesh_free(&of);
     return ok;
 }
@@ -193,9 +182,13 @@ bool measured_surface_find_euler(measured_surface *m, threads *pool, error *e)
         memcpy(euler, m->facets.scan->euler, pieces * sizeof *euler);
         return true;
     }
-    if (m->mesh) ok = add_mesh(m, pool, euler, e);
-    for (size_t p = 0; ok && !m->mesh && p < m->patches->count; p++) ok = add_patch(m, p, pool, euler, e);
-    return ok && (!m->patches || add_curves(m, euler, e));
+    if (!m->patches) return mesh_euler_add(m->mesh, true, pool, euler, e);
+    for (size_t p = 0; ok && p < m->patches->count; p++)
+        if (m->patch_euler)
+            euler[m->patch_piece[p]] += (double)m->patch_euler[p];
+        else
+            ok = add_patch(m, p, pool, euler, e);
+    return ok && add_curves(m, euler, e);
 }
 
 void measured_surface_close(measured_surface *m)

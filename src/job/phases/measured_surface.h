@@ -22,6 +22,7 @@ typedef struct measured_surface {
     vec3 *vertex;                 /* vertices in world units, if the mesh has another unit; otherwise NULL */
     const mesh *mesh;             /* the triangles; NULL: the surface is measured on its scan */
     const field_patches *patches; /* of facets.patch_piece, if there are several pieces; otherwise NULL */
+    const int64_t *patch_euler;   /* of mesh_patches, if the surface is such a mesh; otherwise NULL */
     double *euler; /* of each piece, after measured_surface_find_euler; NAN: it cannot be determined */
 } measured_surface;
 

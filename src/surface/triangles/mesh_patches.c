@@ -549,6 +549,24 @@ static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t v)
     return 3 * triangle + (t[0] == v ? 0 : t[1] == v ? 1 : 2);
 }
 
+/* The edges within patches: joins the corners that share a vertex. Cut edges: marks their corners. */
+static void sort_corners(making *k, uint32_t *set, bool *on_cut)
+{
+    const mesh *m = k->m;
+    for (uint32_t v = 0; v < m->vertex_count; v++)
+        for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
+            const mesh_side *s = k->edges->sides + i;
+            n = mesh_edges_width(k->edges, v, i);
+            for (size_t side = 0; k->is_cut[i] && side < n; side++)
+                on_cut[corner_at(m, s[side].triangle, v)] = on_cut[corner_at(m, s[side].triangle, s->other)] =
+                    true;
+            if (k->is_cut[i]) continue;
+            sets_join(set, corner_at(m, s[0].triangle, v), corner_at(m, s[1].triangle, v));
+            sets_join(set, corner_at(m, s[0].triangle, s->other), corner_at(m, s[1].triangle, s->other));
+            k->out->euler[k->patch[s->triangle]]--;
+        }
+}
+
 /* Assigns vertices: corners of triangles that are connected by edges that are not cut share one. */
 static bool part_vertices(making *k, error *e)
 {
@@ -556,33 +574,39 @@ static bool part_vertices(making *k, error *e)
     mesh_patches *out = k->out;
     size_t *to = mem_array(out->count, sizeof *to, what, e);
     uint32_t *set = mem_array(3 * m->triangle_count, sizeof *set, what, e);
+    bool *on_cut = mem_array(3 * m->triangle_count, sizeof *on_cut, what, e);
     out->m.vertex = mem_array(3 * m->triangle_count, sizeof *out->m.vertex, what, e);
     out->m.triangle = mem_array(m->triangle_count, sizeof *out->m.triangle, what, e);
-    bool ok = to && set && out->m.vertex && out->m.triangle;
-    if (ok) sets_reset(set, 3 * m->triangle_count);
-    for (uint32_t v = 0; ok && v < m->vertex_count; v++)
-        for (size_t i = k->edges->first[v]; i < k->edges->first[v + 1];
-             i += mesh_edges_width(k->edges, v, i)) {
-            const mesh_side *s = k->edges->sides + i;
-            if (k->is_cut[i]) continue;
-            sets_join(set, corner_at(m, s[0].triangle, v), corner_at(m, s[1].triangle, v));
-            sets_join(set, corner_at(m, s[0].triangle, s->other), corner_at(m, s[1].triangle, s->other));
-        }
+    out->euler = mem_array(out->count, sizeof *out->euler, what, e);
+    bool ok = to && set && on_cut && out->m.vertex && out->m.triangle && out->euler;
+    if (ok) {
+        sets_reset(set, 3 * m->triangle_count);
+        sort_corners(k, set, on_cut);
+    }
     out->m.triangle_count = m->triangle_count;
-    for (size_t p = 0; ok && p < out->count; p++) to[p] = out->first[p];
-    for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) set[c] = sets_root(set, c);
+    for (size_t p = 0; ok && p < out->count; p++) {
+        to[p] = out->first[p];
+        out->euler[p] += (int64_t)(out->first[p + 1] - out->first[p]);
+    }
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
+        set[c] = sets_root(set, c);
+        on_cut[set[c]] |= on_cut[c];
+    }
+    for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
+        const uint32_t patch = k->patch[c / 3];
         if (set[c] == c) {
+            out->euler[patch] += !on_cut[c];
             out->m.vertex[out->m.vertex_count] = m->vertex[m->triangle[c / 3][c % 3]];
             set[c] = (uint32_t)out->m.vertex_count++;
         } else {
             set[c] = set[set[c]]; /* a root is the least of its set, so it is numbered already */
         }
-        out->m.triangle[to[k->patch[c / 3]]][c % 3] = set[c];
-        if (c % 3 == 2) to[k->patch[c / 3]]++;
+        out->m.triangle[to[patch]][c % 3] = set[c];
+        if (c % 3 == 2) to[patch]++;
     }
     free(to);
     free(set);
+    free(on_cut);
     return ok;
 }
 
@@ -703,6 +727,7 @@ void mesh_patches_free(mesh_patches *p)
     free(p->one_sided);
     free(p->reversed);
     free(p->kind);
+    free(p->euler);
     free(p->curve);
     free(p->vertex);
     free(p->curve_patch);

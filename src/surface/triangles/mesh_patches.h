@@ -48,6 +48,8 @@ typedef struct mesh_patches {
     /* total number of triangles whose orientation was reversed; set by mesh_orientation_fix */
     size_t turned;
     uint32_t *kind; /* per patch; NULL without kinds */
+    /* per patch: Euler characteristic of its inside, without the curves: vertices minus edges plus triangles */
+    int64_t *euler;
     size_t curve_count;
     field_curve *curve;    /* `on` is NULL: the polyline is the curve */
     vec3 *vertex;          /* of the curves */
