@@ -55,6 +55,22 @@ def test_weights_whose_sum_is_worse_than_that_of_cells_are_replaced(build, tmp_p
     assert points["weight"].sum() == pytest.approx(AREA, rel=1e-5) and points["weight"].min() > 0
 
 
+def test_unstable_weights_are_replaced(build, tmp_path):
+    """Rows of points three times as dense on one side of a torus as on the other: weights of high order would reach -.27, 55 times
+    the mean, and their magnitudes add up to more than 1.5 times their sum."""
+    around, rows = 90, 36
+    t = numpy.array([[(i + 0.5 * (j % 2)) / around, j / rows] for j in range(rows) for i in range(around)]) * 2 * numpy.pi
+    u, v = t[:, 0] + 0.5 * numpy.sin(t[:, 0]), t[:, 1]
+    r = 1 + 0.4 * numpy.cos(v)
+    numpy.savez(tmp_path / "given.npz", position=numpy.stack([r * numpy.cos(u), r * numpy.sin(u), 0.4 * numpy.sin(v)], axis=1))
+    report, points = run(build, tmp_path / "a", TORUS, around * rows + 20,
+                         sampling={"points": {"path": str(tmp_path / "given.npz"), "mode": "keep"}})
+    told = report["weights"]
+    assert (told["kind"], told["reason"], told["degree_difference"]) == ("cells", "unstable", None)
+    assert any("magnitudes of weights would exceed their sum by half" in text for text in report["surface"]["warnings"])
+    assert points["weight"].sum() == pytest.approx(AREA, rel=1e-5) and points["weight"].min() > 0
+
+
 def test_bytes_do_not_depend_on_threads_or_the_instruction_set(build, tmp_path):
     found = [run(build, tmp_path / str(k), TORUS, 300, threads, solver={"isa": isa})[1]["weight"].tobytes()
              for k, (threads, isa) in enumerate(((1, "portable"), (3, "auto")))]
