@@ -427,7 +427,7 @@ def test_what_a_stack_cannot_be_is_refused(sample, tmp_path):
     e, _ = sample({**parts, "part": "m"}, kind="exr")
     assert e["code"] == "grid_missing" and 'no part "m": choose one of "l", "r"' in e["message"]
     for bad, word in (({"slices": "1"}, "slices"), ({"slices": "9-1"}, "slices"), ({"slices": "1-5y"}, "slices"),
-                      ({"path": "a.exr"}, "path"), ({"path": "a.##.##.exr"}, "path"), ({"path": "a.%s.exr"}, "path")):
+                      ({"path": "a.exr"}, "path"), ({"path": "a.##.%02d.exr"}, "path"), ({"path": "a.%s.exr"}, "path")):
         e, _ = sample({**two, **bad}, kind="exr")
         assert e["code"] == "spec_invalid" and e["errors"][0]["pointer"] == f"/surface/exr/{word}", (bad, e)
 
