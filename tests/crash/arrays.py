@@ -6,12 +6,13 @@ import random
 import shutil
 import sqlite3
 import threading
+import time
 
+import restores
 from farm import FINAL, Book, Daemon, Moments, Violation, spec, wait_until
-from restores import ID
 
 FRAMES, FILES = 100_000, 20_000
-CYCLES_A_ROUND = 15  # then all jobs are deleted, nothing may be left, and the next round begins
+CYCLES_A_ROUND = 20  # then all jobs are deleted, nothing may be left, and the next round begins
 MOST_JOBS = 4
 PAGE = 500  # most tasks of an answer
 UNFINISHED = {"blocked", "queued", "running", "cancelling"}
@@ -19,6 +20,8 @@ GONE = "deleted"
 ACTIONS = {"submit": {GONE}, "cancel": UNFINISHED, "retry": {"cancelled", "failed"}, "delete": set(FINAL)}  # the states before
 CHANGES = {"cancel": ("POST", "/cancel", {"cancelling", "cancelled"}), "retry": ("POST", "/retry", UNFINISHED), "delete": ("DELETE", "", {GONE})}
 DUPLICATES = 0.3  # the chance that a client sends its submission twice at the same time
+AGAIN, AGAIN_S = 0.3, 0.5  # the chance of a kill while the next start completes a change, and the longest time until then
+RESTORES = 0.15  # the chance that a backup which is made during a change is put back
 TETRAHEDRON = "OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
 
 # rows of a copy of the database that contradict each other: what, and a query that counts them
@@ -55,11 +58,11 @@ class Array:
         self.name, self.id, self.state, self.may = document["name"], None, GONE, {GONE}
 
     def permit(self, states):
-        self.may |= states | self.failure()
+        self.may = self.may | states | self.failure()
 
     def require(self, states):
         """A change to one of these states was acknowledged."""
-        self.may &= states | self.failure()
+        self.may = self.may & (states | self.failure())
 
     def failure(self):
         return {"failed"} if self.waits else set()
@@ -135,11 +138,11 @@ class Records:
             if name in shown:
                 array.id = shown[name]["id"]
                 array.settle(shown[name]["state"])
-            elif array.id:
+                continue
+            array.settle(GONE)
+            if array.id:
                 self.deleted.add(array.id)
                 del self.arrays[name]
-            else:
-                array.settle(GONE)
 
     # ---- changes: what they permit before they are sent, and require after their answer
 
@@ -181,22 +184,41 @@ def make_inputs(where):
     return where
 
 
+def new_array(name, need=None):
+    mesh, queue = {"path": "a.#.off", "voxel_size": 0.1}, {"frames": f"1-{FRAMES}", **({"after_frames": [need]} if need else {})}
+    return Array({**spec(name, count=60), "surface": {"mesh": mesh}, "queue": queue}, FRAMES, bool(need))
+
+
+def new_data_set(name):
+    mesh = {"path": "{file}", "voxel_size": 0.1}
+    return Array({**spec(name, count=60), "surface": {"mesh": mesh}, "queue": {"files": "set/*.off"}}, FILES)
+
+
+def fill(records, moments, seed):
+    """An array, one that waits for its frames, and a data set, without a kill."""
+    need = None
+    for make in (new_array, lambda name: new_array(name, need), new_data_set):
+        array = make(f"array {seed} {len(records.arrays)}")
+        records.arrays[array.name] = array
+        begun = time.monotonic()
+        records.submit(array)
+        moments.seconds[f"submit {array.frames}"] = time.monotonic() - begun
+        need = array.id
+    records.settle(records.check_shown())
+
+
 def invent(name, rng, records):
     """A new array, perhaps one that waits for the frames of another, or a data set."""
-    mesh = {"path": "{file}", "voxel_size": 0.1}
     if rng.random() < 0.3:
-        return Array({**spec(name, count=60), "surface": {"mesh": mesh}, "queue": {"files": "set/*.off"}}, FILES)
+        return new_data_set(name)
     needs = [array.id for array in records.arrays.values() if array.state in UNFINISHED and array.frames == FRAMES]
-    queue = {"frames": f"1-{FRAMES}"}
-    if needs and rng.random() < 0.7:
-        queue["after_frames"] = [rng.choice(needs)]
-    return Array({**spec(name, count=60), "surface": {"mesh": {**mesh, "path": "a.#.off"}}, "queue": queue}, FRAMES, "after_frames" in queue)
+    return new_array(name, rng.choice(needs) if needs and rng.random() < 0.7 else None)
 
 
 def choose(seed, rng, records):
     """The next change: an action and its array. A submission that a kill undid may be repeated."""
     possible = [(action, array) for action, states in ACTIONS.items() for array in records.arrays.values() if array.state in states]
-    if len(records.arrays) < MOST_JOBS and (not possible or rng.random() < 0.4):
+    if len(records.arrays) < MOST_JOBS and (not possible or rng.random() < 0.3):
         array = invent(f"array {seed}", rng, records)
         records.arrays[array.name] = array
         return "submit", array
@@ -221,15 +243,19 @@ def begin(records, action, array, twice):
     return threads, failures
 
 
+def make_copy(daemon, path):
+    path.unlink(missing_ok=True)
+    done = daemon.backup(path)
+    if done.returncode != 0:
+        raise Violation(f"the backup failed: {done.stderr}")
+
+
 def wait_complete(daemon):
     """Until all begun changes are completed; a copy of the database."""
     copy = daemon.base / "copy.db"
 
     def is_complete():
-        copy.unlink(missing_ok=True)
-        done = daemon.backup(copy)
-        if done.returncode != 0:
-            raise Violation(f"the backup failed: {done.stderr}")
+        make_copy(daemon, copy)
         return read(copy, CHANGES_LEFT) == [(0,)]
     wait_until(is_complete, "the completion of changes", interval=0.1)
     return copy
@@ -251,7 +277,7 @@ def check_rows(daemon):
         if count:
             raise Violation(f"the database has {count} {what}")
     stored = dict(read(copy, "SELECT id, tasks FROM job"))
-    stray = {path.name[:ID] for place in ("results", "attempts") for path in (daemon.state / place).iterdir()} - set(stored)
+    stray = {path.name[:restores.ID] for place in ("results", "attempts") for path in (daemon.state / place).iterdir()} - set(stored)
     if stray:
         raise Violation(f"there are attempts or results of {stray}, which are not stored")
     return stored
@@ -278,36 +304,53 @@ def check_pages(daemon, job, array, rng):
 
 
 def restart(records, rng):
-    """Starts after a kill, looks at once and when all is completed."""
-    daemon = records.daemon
-    daemon.await_nobody()
-    daemon.check_database()
-    daemon.start()
-    records.check_states(records.check_shown())
+    """Starts after a kill, looks at once and when all is completed. The number of further kills."""
+    daemon, kills = records.daemon, -1
+    while kills < 0 or rng.random() < AGAIN:
+        if not daemon.dead():
+            time.sleep(rng.uniform(0, AGAIN_S))
+            daemon.kill()
+        daemon.await_nobody()
+        daemon.check_database()
+        daemon.start()
+        records.check_states(records.check_shown())
+        kills += 1
     shown = check_complete(records)
     records.check_states(shown)
     records.settle(shown)
     for name, job in shown.items():
         check_pages(daemon, job["id"], records.arrays[name], rng)
+    return kills
+
+
+def put_back(records, backup):
+    restores.remove_database(records.daemon)
+    shutil.copyfile(backup, records.daemon.state / "queue.db")
 
 
 def cycle(records, moments, seed, figures):
-    rng = random.Random(seed)
+    rng, daemon = random.Random(seed), records.daemon
     action, array = choose(seed, rng, records)
+    before, backup = array.may, rng.random() < RESTORES and daemon.base / "backup.db"
     threads, failures = begin(records, action, array, action == "submit" and rng.random() < DUPLICATES)
     was_cut = moments.reach(f"{action} {array.frames}", rng, lambda: any(thread.is_alive() for thread in threads), records.check_shown)
-    records.daemon.kill()
+    if backup:
+        make_copy(daemon, backup)
+    daemon.kill()
     for thread in threads:
         thread.join()
     if failures:
         raise failures[0]
-    restart(records, rng)
+    if backup:
+        put_back(records, backup)
+        array.may = array.may | before
+    figures["kills while a start completed changes"] += (again := restart(records, rng))
+    figures["kills"] += 1 + again
     was_undone = array.state in ACTIONS[action]
     if action == "submit" and not was_undone:
         records.submit(array)  # the same key: the same job
         records.settle(records.check_shown())
-    how = "answered" if not was_cut else "undone" if was_undone else "completed"
-    figures["kills"] += 1
+    how = "restored" if backup else "answered" if not was_cut else "undone" if was_undone else "completed"
     figures["changes"][action][how] += 1
     figures["data sets"] += action == "submit" and array.frames == FILES
     figures["waiting arrays"] += action == "submit" and array.waits
@@ -332,19 +375,20 @@ def finish(records):
 
 
 def run(build, where, times, seed, say, new_daemon=Daemon):
-    """So many kills; the figures. Raises Violation with the seed and the place."""
-    figures = {"kills": 0, "data sets": 0, "waiting arrays": 0,
-               "changes": {action: {"answered": 0, "undone": 0, "completed": 0} for action in ACTIONS}}
+    """At least so many kills; the figures. Raises Violation with the seed and the place."""
+    figures = {"kills": 0, "kills while a start completed changes": 0, "data sets": 0, "waiting arrays": 0,
+               "changes": {action: dict.fromkeys(("answered", "undone", "completed", "restored"), 0) for action in ACTIONS}}
     moments, done = Moments(), 0
     inputs = make_inputs(where / "inputs")
-    while done < times:
-        base = where / f"round.{done}"
+    while figures["kills"] < times:
+        base, first = where / f"round.{done}", done
         shutil.rmtree(base, ignore_errors=True)
         daemon = new_daemon(build, base, "--workers", 1, "--input_roots", inputs)
         records = Records(daemon)
         try:
             daemon.start()
-            for _ in range(min(CYCLES_A_ROUND, times - done)):
+            fill(records, moments, f"{seed}.{done}")
+            while figures["kills"] < times and (done == first or done % CYCLES_A_ROUND):
                 cycle(records, moments, f"{seed}.{done}", figures)
                 done += 1
             finish(records)
@@ -353,6 +397,6 @@ def run(build, where, times, seed, say, new_daemon=Daemon):
         finally:
             if daemon.process and not daemon.dead():
                 daemon.kill()
-        say(f"{done} of {times} kills during changes of arrays: {figures['changes']}")
+        say(f"{figures['kills']} of {times} kills during changes of arrays: {figures['changes']}")
         shutil.rmtree(base)
     return figures

@@ -175,7 +175,7 @@ class Moments:
     def reach(self, kind, rng, lasts, look):
         """Calls look() until a random moment of a change that has just begun; whether it still lasted then. The moment is the random
         thing that is tested, so it is not waited for by a condition."""
-        begun, usual = time.monotonic(), self.seconds.get(kind, 2)
+        begun, usual = time.monotonic(), self.seconds.get(kind, 1)
         moment, passed = rng.uniform(0, 1.1) * usual, 0
         while passed < moment and lasts():
             look()

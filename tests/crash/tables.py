@@ -66,7 +66,8 @@ def of_damage(f):
 
 
 def of_arrays(f):
-    return [("kills", f["kills"]), *((f"{action} {how}", n) for action, counts in f["changes"].items() for how, n in counts.items()),
+    again = "kills while a start completed changes"
+    return [("kills", f["kills"]), (again, f[again]), *((f"{action} {how}", n) for action, counts in f["changes"].items() for how, n in counts.items()),
             ("data sets", f["data sets"]), ("arrays that wait for frames of another", f["waiting arrays"])]
 
 

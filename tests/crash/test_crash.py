@@ -89,7 +89,7 @@ def test_kills_during_changes_of_arrays(build, tmp_path, diagnose, monkeypatch):
     monkeypatch.setattr(arrays, "FRAMES", 5000)
     monkeypatch.setattr(arrays, "FILES", 3000)
     figures = arrays.run(build, tmp_path, 8, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
-    assert figures["kills"] == 8 and any(count["undone"] + count["completed"] for count in figures["changes"].values())
+    assert figures["kills"] >= 8 and sum(sum(count.values()) for count in figures["changes"].values()) > 2
 
 
 def test_kills_during_an_upgrade(build, tmp_path, diagnose, monkeypatch):

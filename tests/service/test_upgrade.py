@@ -2,7 +2,6 @@
 """State directories of earlier builds (tests/upgrade/make_state.py makes them): nothing in them is lost, waiting jobs run, and no result is
 reused. Older ones are refused."""
 import hashlib
-import json
 import pathlib
 import shutil
 import sqlite3
