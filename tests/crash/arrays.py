@@ -80,6 +80,7 @@ class Records:
     def __init__(self, daemon):
         self.daemon, self.book = daemon, Book()
         self.arrays, self.deleted, self.position = {}, set(), 0
+        self.restored = False  # whether an older database was put back
         self.mutex = threading.Lock()
 
     def check_shown(self):
@@ -324,6 +325,7 @@ def restart(records, rng):
 
 
 def put_back(records, backup):
+    records.restored = True
     restores.remove_database(records.daemon)
     shutil.copyfile(backup, records.daemon.state / "queue.db")
 
@@ -370,6 +372,8 @@ def finish(records):
     usage = daemon.ask("GET", "/v1/usage").json
     if usage["all"]["results"] or usage["all"]["bytes"] or usage["users"]:
         raise Violation(f"usage without jobs: {json.dumps(usage)}")
+    if (daemon.state / "lost+found").exists() and not records.restored:
+        raise Violation(f"put aside: {[str(path) for path in (daemon.state / 'lost+found').rglob('*')][:9]}")
     daemon.end_by_drain()
     daemon.check_database()
 
