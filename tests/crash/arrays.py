@@ -51,10 +51,10 @@ CHANGES_LEFT = ("SELECT (SELECT count(*) FROM job WHERE tasks = 0 OR target IS N
 
 class Array:
     """An array or a data set that was sent: its last known state, and the states that it may have since. If it waits for the frames of
-    another one, it may fail with these at any time."""
+    the job `need`, it may fail with these at any time."""
 
-    def __init__(self, document, frames, waits=False):
-        self.document, self.frames, self.waits = document, frames, waits
+    def __init__(self, document, frames, need=None):
+        self.document, self.frames, self.need = document, frames, need
         self.name, self.id, self.state, self.may = document["name"], None, GONE, {GONE}
 
     def permit(self, states):
@@ -65,7 +65,7 @@ class Array:
         self.may = self.may & (states | self.failure())
 
     def failure(self):
-        return {"failed"} if self.waits else set()
+        return {"failed"} if self.need else set()
 
     def settle(self, state):
         self.state, self.may = state, {state}
@@ -144,6 +144,9 @@ class Records:
             if array.id:
                 self.deleted.add(array.id)
                 del self.arrays[name]
+        for name, array in list(self.arrays.items()):
+            if array.state == GONE and array.need in self.deleted:
+                del self.arrays[name]  # its submission can no longer be repeated
 
     # ---- changes: what they permit before they are sent, and require after their answer
 
@@ -165,7 +168,7 @@ class Records:
         method, path, then = CHANGES[action]
         array.permit(then)
         reply = self.daemon.ask(method, f"/v1/jobs/{array.id}{path}")
-        if self.book.is_no_answer(reply) or reply.status == 409 and array.waits:
+        if self.book.is_no_answer(reply) or reply.status == 409 and array.need:
             return
         if reply.status not in (200, 202, 204):
             raise Violation(f"{action} {array.name}: {reply.status} {reply.body!r}")
@@ -187,7 +190,7 @@ def make_inputs(where):
 
 def new_array(name, need=None):
     mesh, queue = {"path": "a.#.off", "voxel_size": 0.1}, {"frames": f"1-{FRAMES}", **({"after_frames": [need]} if need else {})}
-    return Array({**spec(name, count=60), "surface": {"mesh": mesh}, "queue": queue}, FRAMES, bool(need))
+    return Array({**spec(name, count=60), "surface": {"mesh": mesh}, "queue": queue}, FRAMES, need)
 
 
 def new_data_set(name):
@@ -355,7 +358,7 @@ def cycle(records, moments, seed, figures):
     how = "restored" if backup else "answered" if not was_cut else "undone" if was_undone else "completed"
     figures["changes"][action][how] += 1
     figures["data sets"] += action == "submit" and array.frames == FILES
-    figures["waiting arrays"] += action == "submit" and array.waits
+    figures["waiting arrays"] += action == "submit" and bool(array.need)
 
 
 def finish(records):
