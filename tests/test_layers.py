@@ -188,8 +188,8 @@ def small(tmp_path):
         "src/base/json/json.c": '#include "base/core/memory.h"\n\nvoid json(void)\n{\n    memory();\n}\n',
         "src/io/points/ply.c": '#include "base/core/memory.h"\n#include "config.h"\n',
         "src/io/points/scene.h": "int scene;\n",
-        "src/io/pictures/chart.h": '#include "io/points/scene.h"\n',
-        "src/service/api/routes.c": '#include "io/pictures/chart.h"\n',
+        "src/io/pictures/preview.h": '#include "io/points/scene.h"\n',
+        "src/service/api/routes.c": '#include "io/pictures/preview.h"\n',
         "src/programs/main.c": '#include "io/points/ply.h"\n',
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -204,8 +204,8 @@ FAULTS = [
     (includes_against_layers, "src/base/core/new.c", '#include "io/points/scene.h"\n', "src/base/core/new.c:1: the layer base may not use io"),
     (code_that_the_daemon_shares, "src/service/api/new.c", '#include "io/points/ply.h"\n',
      "src/service/api/new.c:1: the daemon may not contain io/points/ply.h"),
-    (code_that_the_daemon_shares, "src/io/pictures/chart.c", '#include "surface/new.h"\n',
-     "src/io/pictures/chart.c:1: the daemon may not contain surface/new.h"),
+    (code_that_the_daemon_shares, "src/io/pictures/preview.c", '#include "surface/new.h"\n',
+     "src/io/pictures/preview.c:1: the daemon may not contain surface/new.h"),
     (repeated_base_names, "src/io/points/memory.c", "int new;\n", "memory: src/base/core src/io/points have files of this name"),
     (modules_without_a_row, "src/more/deep/new.c", "int new;\n", "src/more/deep is in no row of ARCHITECTURE.md"),
     (rows_without_a_folder, "ARCHITECTURE.md", f"{MODULES}\n|---|---|---|\n| gone | nothing | |\n", "ARCHITECTURE.md: there is no src/gone"),

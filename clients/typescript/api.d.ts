@@ -1064,10 +1064,7 @@ export type JobSpec = {
     };
     /** Whether to write preview.exr. false: of the preview only preview.png is written. Default: true. */
     preview_exr?: boolean;
-    /**
-     * Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps. Default:
-     * false.
-     */
+    /** Whether to write convergence.csv: energy, lambda, step and count of each sweep. Default: false. */
     convergence?: boolean;
     /**
      * Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing) and id
@@ -2260,7 +2257,7 @@ export type AnsweredSpec = {
     };
     /** Whether to write preview.exr. false: of the preview only preview.png is written. */
     preview_exr?: boolean;
-    /** Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps. */
+    /** Whether to write convergence.csv: energy, lambda, step and count of each sweep. */
     convergence?: boolean;
     /**
      * Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing) and id

@@ -127,10 +127,10 @@ class Build:
         done = self.run(worker, "inspect", example, "--json")
         self.check("inspect", done.returncode == 0 and json.loads(done.stdout), done.stderr)
         if not self.has("--disable-preview"):
-            for member in ({"preview": True}, {"preview": {"size": 128}}, {"convergence": True}):
+            for member in ({"preview": True}, {"preview": {"size": 128}}):
                 done = self.run(worker, "run", "-", "--output", scratch / "none", text=spec(output=member))
                 self.is_refused(f"output {json.dumps(member)}", done, "--disable-preview")
-            done = self.run(worker, "run", "-", "--output", out, text=spec(output={"preview": False, "convergence": False}))
+            done = self.run(worker, "run", "-", "--output", out, text=spec(output={"preview": False}))
             report = json.loads((out / "report.json").read_text())
             self.check("without a preview there is no warning", not report["surface"]["warnings"], report["surface"])
             done = self.run(worker, "inspect", example, "--preview", scratch / "a.png")

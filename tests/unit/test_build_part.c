@@ -57,15 +57,14 @@ static void members_of_missing_parts_are_not_supported(void **state)
     refuse(",\"output\":{\"preview\":true}", "/output/preview", "--disable-preview");
     refuse(",\"output\":{\"preview\":{}}", "/output/preview", "--disable-preview");
     refuse(",\"output\":{\"preview\":{\"size\":128}}", "/output/preview", "--disable-preview");
-    refuse(",\"output\":{\"convergence\":true}", "/output/convergence", "--disable-preview");
     refuse(",\"queue\":{\"slurm\":[\"--partition=a\"]}", "/queue/slurm", "--without-slurm");
 }
 
 static void members_that_disable_missing_parts_are_accepted(void **state)
 {
     (void)state;
-    spec *s = accept(",\"output\":{\"preview\":false,\"convergence\":false},\"queue\":{\"slurm\":[]}");
-    assert_false(s->has_preview || s->preview_left_out || s->has_convergence || s->slurm_count);
+    spec *s = accept(",\"output\":{\"preview\":false},\"queue\":{\"slurm\":[]}");
+    assert_false(s->has_preview || s->preview_left_out || s->slurm_count);
     spec_free(s);
 }
 

@@ -1254,8 +1254,8 @@ class Output(_OutputRest):
         preview.exr unless preview_exr is false; the object has the members below.
     preview_exr: Whether to write preview.exr. false: of the preview only preview.png is written. Default:
         True.
-    convergence: Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps.
-        Default: False.
+    convergence: Whether to write convergence.csv: energy, lambda, step and count of each sweep. Default:
+        False.
     points_vdb: Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing)
         and id (the index of the point in points.ply, from 0). Default: False.
     points_npz: Whether to write points.npz: an array of NumPy for each property and attribute, in double

@@ -9,7 +9,7 @@
 
 typedef enum build_part {
     BUILD_PART_ALWAYS,  /* always built */
-    BUILD_PART_PREVIEW, /* --disable-preview: preview.png, preview.exr, convergence.png, thumbnails */
+    BUILD_PART_PREVIEW, /* --disable-preview: preview.png, preview.exr, thumbnails */
     BUILD_PART_SLURM,   /* --without-slurm */
     BUILD_PART_PAGE     /* --without-page */
 } build_part;

@@ -175,6 +175,8 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE("DPX image"), .as_image = OTHER_IMAGE("DPX")},
     [FILE_FORMAT_JSON] = {.name = "JSON", .ending = {".json"}, .kind = FILE_FORMAT_DOCUMENTS,
         .is_written = true, .content_type = "application/json", .as_mesh = NO_SURFACE("JSON document")},
+    [FILE_FORMAT_CSV] = {.name = "CSV", .ending = {".csv"}, .kind = FILE_FORMAT_DOCUMENTS,
+        .is_written = true, .content_type = "text/csv", .as_mesh = NO_SURFACE("CSV table")},
 };
 // clang-format on
 

@@ -59,6 +59,7 @@ typedef enum file_format {
     FILE_FORMAT_JPEG,
     FILE_FORMAT_DPX,
     FILE_FORMAT_JSON,
+    FILE_FORMAT_CSV,
     FILE_FORMATS
 } file_format;
 

@@ -9,16 +9,12 @@
 
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
-#include "io/pictures/chart.h"
 #include "io/pictures/picture_png.h"
 #include "io/pictures/preview_exr.h"
 #include "files/file.h"
 
 /* Frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
-
-/* Size of convergence.png, pixels. */
-enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
 static bool write_png(const char *directory, const char *name, const canvas *picture, json *outputs, error *e)
 {
@@ -112,33 +108,6 @@ bool pictures_write_preview(const char *directory, const results_input *in, cons
               (!s->has_preview_exr || write_exr(directory, s, picture, outputs, e));
     preview_free(picture);
     ok = ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
-    free(values);
-    return ok;
-}
-
-/* Draws one curve after another, with the values of the sweeps. */
-bool pictures_write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
-{
-    enum { ENERGY, LAMBDA, STEP, COUNT, CURVES };
-    size_t n = in->sweep_count;
-    double *values = mem_array(n, CURVES * sizeof *values, "convergence.png", e);
-    canvas picture = {0};
-    if (!values) return false;
-    for (size_t k = 0; k < n; k++) {
-        const solver_sweep *sweep = &in->sweeps[k];
-        values[ENERGY * n + k] = sweep->energy;
-        values[LAMBDA * n + k] = sweep->mean_log10_lambda;
-        values[STEP * n + k] = sweep->rms_step;
-        values[COUNT * n + k] = (double)sweep->count;
-    }
-    const chart_curve curves[CURVES] = {{"energy", values + ENERGY * n, false},
-                                        {"mean log10 lambda", values + LAMBDA * n, false},
-                                        {"rms step / h", values + STEP * n, true},
-                                        {"count", values + COUNT * n, false}};
-    const chart what = {"sweep", n, curves, CURVES};
-    bool ok = chart_draw(&what, CHART_WIDTH, CHART_HEIGHT, &picture, e) &&
-              write_png(directory, "convergence.png", &picture, outputs, e);
-    free(picture.rgb);
     free(values);
     return ok;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* pictures: preview.png, the frames of a turntable, preview.exr and convergence.png. Each is written,
+/* pictures: preview.png, the frames of a turntable, and preview.exr. Each is written,
  * verified (results.h), and added to `outputs`. A build without pictures has no_pictures.c instead of
  * pictures.c.
  */
@@ -13,8 +13,5 @@
  * Errors: those of results_write; not_supported in a build without pictures. */
 bool pictures_write_preview(const char *directory, const results_input *in, const quantity_look *look,
                             threads *pool, json *outputs, error *e);
-
-/* Writes the chart of output.convergence. Errors: as above. */
-bool pictures_write_convergence(const char *directory, const results_input *in, json *outputs, error *e);
 
 #endif

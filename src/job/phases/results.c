@@ -3,6 +3,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,11 +25,12 @@
 #include "io/vdb/vdb.h"
 
 #define LABEL_NAME "mesh_label_%lld.ply"
+#define CONVERGENCE_NAME "convergence.csv"
 
 /* Names of results other than those of the table of formats and of turntables. */
 static const char *const names[] = {
-    "report.json",       WORKER_SUMMARY_NAME, "points.ply",      "points.vdb",         "mesh.ply",
-    WORKER_PREVIEW_NAME, "preview.exr",       "convergence.png", WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
+    "report.json",       WORKER_SUMMARY_NAME, "points.ply",     "points.vdb",         "mesh.ply",
+    WORKER_PREVIEW_NAME, "preview.exr",       CONVERGENCE_NAME, WORKER_SNAPSHOT_NAME, SNAPSHOT_PART_NAME};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* A file of at most this many points is written by the calling thread: starting another one takes as long. */
@@ -236,6 +238,25 @@ static bool write_pictures(const char *directory, const results_input *in, threa
     return pictures_write_preview(directory, in, &look, pool, outputs, e);
 }
 
+/* Writes a row for each sweep, with the members of `sweeps` of the report. */
+static bool write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
+{
+    char *path = mem_printf("%s/" CONVERGENCE_NAME, directory);
+    store_file file = {0};
+    bool ok = store_file_begin_hashed(path, &file, e);
+    if (ok)
+        fputs("sweep,energy,mean_log10_lambda,rms_step,count,sigma,rejected,inserted,deleted\n", file.stream);
+    for (size_t k = 0; ok && k < in->sweep_count; k++) {
+        const solver_sweep *s = &in->sweeps[k];
+        fprintf(file.stream, "%zu,%.17g,%.17g,%.17g,%zu,%.17g,%" PRIu64 ",%zu,%zu\n", k + 1, s->energy,
+                s->mean_log10_lambda, s->rms_step, s->count, s->sigma, s->rejected, s->inserted, s->deleted);
+    }
+    ok = ok && outputs_commit(&file, CONVERGENCE_NAME, outputs, e);
+    store_file_abort(&file);
+    free(path);
+    return ok;
+}
+
 /* Whether a requested format has colors even without a color attribute. */
 static bool needs_color(const spec *s)
 {
@@ -266,7 +287,7 @@ static bool write_points(void *context, const results_input *in, threads *pool, 
          write_formats(directory, &whole, &final.set, false, facts.origin, outputs, e) &&
          (!s->has_mesh || write_mesh(directory, &whole, final.as_float, pool, outputs, &facts, e)) &&
          (!s->has_preview || write_pictures(directory, &whole, pool, outputs, e)) &&
-         (!s->has_convergence || pictures_write_convergence(directory, in, outputs, e));
+         (!s->has_convergence || write_convergence(directory, in, outputs, e));
     if (late) ok = late_commit_end(late, &ply, e) && ok && store_directory_sync(directory, e);
     if (job.pool != pool) threads_free(job.pool);
     output_points_free(&final);
