@@ -57,9 +57,8 @@ typedef struct command_options {
     const char *attempt; /* of log */
     const char *called;  /* the job as the command line names it */
     const char
-        *output; /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
-    const char *stack;   /* of fetch: the archive for the points of all frames; NULL: none */
-    const char *file;    /* of token: the daemon's token_file */
+        *output;      /* of fetch and sample: a directory; NULL: see command_fetch, or the stem of the file */
+    const char *file; /* of token: the daemon's token_file */
     const char *picture; /* of show: the file to write the preview to; NULL: none */
     gid_t file_group;    /* of token: the group that may read the system service's file, or TOKEN_NO_GROUP */
     const char *scopes;  /* of token add; NULL: all but admin */

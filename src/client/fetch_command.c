@@ -18,7 +18,6 @@
 #include "client/list_query.h"
 #include "client/print.h"
 #include "client/progress_bar.h"
-#include "client/stack.h"
 #include "files/file.h"
 
 /* Whether a file with this hash is at the path. */
@@ -213,7 +212,6 @@ typedef struct fetching {
     int seen; /* number of requested frames that the job has */
     progress_bar bar;
     json *frames;   /* for `document` */
-    stack *stack;   /* the archive of all points; NULL: each frame gets a directory */
     json *document; /* with --json: what was fetched */
 } fetching;
 
@@ -243,56 +241,6 @@ static int fetch_frame(client *c, fetching *f, int frame)
     return code;
 }
 
-/* The hash of a file that a document with a list of results states; "": none. */
-static const char *hash_in(json *document, const char *name)
-{
-    json_at root = json_root(document), results = json_member(&root, "results");
-    for (json_at item = json_first(&results); item.node; item = json_next(&item))
-        if (strcmp(json_string(json_member(&item, "name"), ""), name) == 0)
-            return json_string(json_member(&item, "sha256"), "");
-    return "";
-}
-
-/* Adds the points of a frame to the stack. */
-static int stack_frame(client *c, fetching *f, int frame, const char *name)
-{
-    error e = {0};
-    client_reply reply = {0};
-    char *href = mem_printf("/v1/jobs/%s/results/points.ply?frame=%d", f->id, frame),
-         *number = mem_printf("%d", frame);
-    json *document = read_results(c, f->id, number);
-    FILE *points = tmpfile();
-    int code = COMMAND_FAILED;
-    progress_bar_show_count(&f->bar, f->fetched, f->all);
-    if (!points)
-        error_set(&e, ERROR_INTERNAL, "a temporary file cannot be written");
-    else if (!client_download(c, href, points, &reply, &e))
-        code = COMMAND_UNREACHABLE;
-    else if (reply.status != 200)
-        error_set(&e, ERROR_INTERNAL, "%s: the server answered with status %ld: %s", href, reply.status,
-                  json_string(json_root(json_find(reply.document, "/detail")), "the answer has no reason"));
-    else if (command_compare(points, href, hash_in(document, "points.ply"), &e)) {
-        rewind(points);
-        if (stack_add(f->stack, points, name, frame, &e)) code = COMMAND_OK;
-    }
-    if (code == COMMAND_OK) f->fetched++;
-    progress_bar_clear(&f->bar);
-    if (code != COMMAND_OK) print_failure("%s", e.message);
-    if (points) fclose(points);
-    client_reply_clear(&reply);
-    json_free(document);
-    free(number);
-    free(href);
-    return code;
-}
-
-/* The name of the frame's file, or its number. The caller frees it. */
-static char *name_of(json_at task, int frame)
-{
-    const char *file = json_string(json_member(&task, "file"), NULL);
-    return file ? mem_strdup(file) : mem_printf("%d", frame);
-}
-
 /* Fetches the results of one task, or records why there are none. */
 static int fetch_task(client *c, fetching *f, json_at task)
 {
@@ -300,16 +248,7 @@ static int fetch_task(client *c, fetching *f, json_at task)
     const char *state = json_string(json_member(&task, "state"), "?");
     if (!is_wanted(f, frame)) return COMMAND_OK;
     f->seen++;
-    const bool has_result = strcmp(state, "succeeded") == 0;
-    if (has_result && !f->stack) return fetch_frame(c, f, frame);
-    char *name = name_of(task, frame);
-    int code = COMMAND_OK;
-    if (has_result)
-        code = stack_frame(c, f, frame, name);
-    else if (f->stack)
-        stack_add_missing(f->stack, name);
-    free(name);
-    if (has_result) return code;
+    if (strcmp(state, "succeeded") == 0) return fetch_frame(c, f, frame);
     if (!command_has_ended(task)) {
         f->unended++;
         return COMMAND_OK;
@@ -377,8 +316,7 @@ static int fetch_array(client *c, fetching *f, json_at job)
         qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare_ints);
         f->all = (int)f->wanted_count;
     }
-    if (!f->stack &&
-        (has_other_result(f->directory, json_root(NULL)) || has_other_frames(c, f->id, f->directory))) {
+    if (has_other_result(f->directory, json_root(NULL)) || has_other_frames(c, f->id, f->directory)) {
         free(f->wanted);
         return refuse_directory(f->directory);
     }
@@ -387,11 +325,6 @@ static int fetch_array(client *c, fetching *f, json_at job)
     progress_bar_init(&f->bar);
     int code = fetch_tasks(c, f);
     progress_bar_clear(&f->bar);
-    if (code == COMMAND_OK && f->stack && !stack_write(f->stack, &e)) code = print_failure("%s", e.message);
-    if (code == COMMAND_OK && f->stack && stack_ids_differ(f->stack))
-        print_failure(
-            "%s: row k is not the same point in each frame: match rows by id, or use hexadctl attach",
-            f->options->stack);
     int sum = sum_up(f);
     json_free(f->frames);
     free(f->wanted);
@@ -427,24 +360,14 @@ static int fetch_single(client *c, fetching *f, json_at job)
 static int fetch_job(client *c, json_at job, const char *directory, bool silent,
                      const command_options *options, json **document)
 {
-    error e = {0};
     json_at tasks = json_member(&job, "tasks");
     const bool array = json_bool(json_member(&job, "array"), false);
-    if (options->stack && (!array || options->output)) {
-        print_failure(array ? "fetch: --stack and --output exclude each other: omit one of them"
-                            : "fetch: the job has no frames: omit --stack");
-        return COMMAND_USAGE;
-    }
-    stack *all = options->stack ? stack_begin(options->stack, &e) : NULL;
-    if (options->stack && !all) return print_failure("%s", e.message);
     fetching f = {.id = json_string(json_member(&job, "id"), ""),
                   .directory = directory,
                   .options = options,
                   .silent = silent,
-                  .stack = all,
                   .all = (int)json_number(json_member(&tasks, "all"), 0)};
     int code = array ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
-    stack_free(all);
     *document = f.document;
     return code;
 }
@@ -531,8 +454,8 @@ static int fetch_label(client *c, const command_options *options)
     command_options chosen = *options;
     const char *label = options->label.item[0], *directory = options->output ? options->output : label;
     json *session = NULL, *jobs = NULL;
-    if (options->frame || options->stack || options->label.count > 1) {
-        print_failure("fetch: --label is given once, and excludes --frame and --stack: omit them");
+    if (options->frame || options->label.count > 1) {
+        print_failure("fetch: --label is given once, and excludes --frame: omit it");
         return COMMAND_USAGE;
     }
     if (!options->output && !is_file_name(label)) {
@@ -650,9 +573,8 @@ int command_fetch(client *c, const char *argument, const command_options *option
     int code = command_ask(c, "GET", path, NULL, &document);
     if (code == COMMAND_OK) {
         const json_at job = json_root(document);
-        const char *directory = options->output  ? options->output
-                                : options->stack ? options->stack
-                                                 : default_directory(c, job, options->called);
+        const char *directory =
+            options->output ? options->output : default_directory(c, job, options->called);
         code = fetch_job(c, job, directory, false, options, &found);
     }
     if (found) print_document(found);

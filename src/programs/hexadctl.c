@@ -83,14 +83,12 @@ static const char usage[] =
     "  cancel --label LABEL [--owner USER]\n"
     "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
     "                    all users\n"
-    "  fetch ID [--frame FRAMES] [--output DIR | --stack FILE.npz]\n"
+    "  fetch ID [--frame FRAMES] [--output DIR]\n"
     "                    download and verify the results, into DIR; by default into ./ID or, if ID is the name\n"
     "                    of the job and ./NAME is free or has this result, into ./NAME. Of an array all frames, or\n"
     "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
     "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
-    "                    of another job is refused. --stack: write the points of all frames, which have equal\n"
-    "                    numbers, into one NumPy file instead: positions (frames, points, 3), the other\n"
-    "                    attributes, names, and missing: the frames without results\n"
+    "                    of another job is refused\n"
     "  fetch --label LABEL [--owner USER] [--output DIR]\n"
     "                    download all your jobs with this label, or those of USER, into DIR or ./LABEL: each\n"
     "                    into a directory with its name, or with its ID if several jobs have this name\n"
@@ -182,7 +180,7 @@ static const struct entry {
     {"attempts", command_attempts, JOB, ""},
     {"wait", command_wait, JOBS, "--accept"},
     {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --stack --label --owner"},
+    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --label --owner"},
     {"log", command_log, JOB, "--frame --attempt"},
     {"pause", command_pause, JOB, ""},
     {"resume", command_resume, JOB, ""},
@@ -223,7 +221,6 @@ static const struct {
     OPTION("frames", frames),     OPTION("count", count),
     OPTION("spacing", spacing),   OPTION("grade", grade),
     OPTION("pattern", pattern),   OPTION("files", files),
-    OPTION("stack", stack),
 };
 
 /* Options with a value that may be repeated. */

@@ -166,13 +166,13 @@ def test_an_equal_job_of_a_damaged_result_waits_for_a_worker(new_service, tmp_pa
     assert service.wait_state(again, "succeeded")["cached_from"] is None
 
 
-def test_a_damaged_frame_is_not_stacked(new_service, tmp_path):
+def test_a_damaged_frame_is_not_fetched(new_service, tmp_path):
     service = new_service().start()
     job = succeed(service, queue=FRAMES, **PLAIN)["id"]
     flip(result_of(service, f"{job}.2"))
-    status, _, errors = control(service, "fetch", job, "--stack", str(tmp_path / "all.npz"))
-    assert status == 1 and "frame=2" in errors and "Submit the job again" in errors, errors
-    assert not (tmp_path / "all.npz").exists()
+    status, _, errors = control(service, "fetch", job, "--output", str(tmp_path / "all"))
+    assert status == 1 and "/2/points.ply" in errors and "Submit the job again" in errors, errors
+    assert not (tmp_path / "all" / "2" / "points.ply").exists()
 
 
 def test_the_check_names_the_frame_that_is_damaged(new_service):

@@ -295,7 +295,7 @@ def test_100000_names_do_not_hold_other_requests(new_service, tmp_path):
     expect_problem(service.post("/v1/jobs", data_set("*.off")), 422, "spec_invalid", "/queue/files")
 
 
-def test_hexadctl_submits_a_pattern_and_stacks_the_points(new_service, build, root, tmp_path):
+def test_hexadctl_submits_a_pattern_and_a_stack_has_the_points(new_service, build, root, tmp_path):
     service = new_service("--input_roots", root).start()
     (tmp_path / "spec.json").write_text(json.dumps({**data_set("other/*"), "queue": {}}))
 
@@ -305,61 +305,46 @@ def test_hexadctl_submits_a_pattern_and_stacks_the_points(new_service, build, ro
 
     job = hexadctl("submit", tmp_path / "spec.json", "--files", "meshes/*.off", "--wait").stdout.split()[0]
     assert files_of(service, job) == list(enumerate(SORTED))
-    made = hexadctl("fetch", job, "--stack", tmp_path / "all.npz")
-    assert made.returncode == 0, made.stderr
-    with numpy.load(tmp_path / "all.npz") as stack:
-        assert stack["positions"].shape == stack["normals"].shape == (3, 40, 3)
-        assert stack["names"].tolist() == SORTED and stack["frames"].tolist() == [0, 1, 2] and not len(stack["missing"])
-        # points of a tetrahedron with corners at +-s: one face of four is the plane x + y + z = -s or one of its mirror images
-        for row, size in zip(stack["positions"], (3, 2, 1)):
-            planes = numpy.array([(1, 1, -1), (1, -1, 1), (-1, 1, 1), (-1, -1, -1)])
-            assert numpy.abs((row @ planes.T).max(axis=1) - size).max() < 1e-5 * size
-        assert all(stack[name].shape == (3, 40) for name in set(stack) - {"positions", "normals", "names", "frames", "missing"})
-        kept = {name: stack[name] for name in stack}
-    python = client_of(service).job(job).stack()
-    assert python.names == SORTED and python.missing == [] and python.frames == [0, 1, 2]
-    assert (python.positions == kept["positions"]).all() and (python.normals == kept["normals"]).all()
-    assert all((python[name] == kept[name]).all() for name in set(kept) & set(python))
+    stack = client_of(service).job(job).stack()
+    assert stack.positions.shape == stack.normals.shape == (3, 40, 3)
+    assert stack.names == SORTED and stack.missing == [] and stack.frames == [0, 1, 2]
+    # points of a tetrahedron with corners at +-s: one face of four is the plane x + y + z = -s or one of its mirror images
+    for row, size in zip(stack.positions, (3, 2, 1)):
+        planes = numpy.array([(1, 1, -1), (1, -1, 1), (-1, 1, 1), (-1, -1, -1)])
+        assert numpy.abs((row @ planes.T).max(axis=1) - size).max() < 1e-5 * size
+    assert all(stack[name].shape == (3, 40) for name in stack)
     partly = service.submit(data_set(["meshes/a.off", "meshes/none.off", "meshes/b.off"]))
     service.wait_state(partly, "failed")
     assert "1 (meshes/none.off)" in hexadctl("show", partly).stdout
-    made = hexadctl("fetch", partly, "--stack", tmp_path / "partly.npz")
+    made = hexadctl("fetch", partly, "--output", tmp_path / "partly")
     assert made.returncode == 4 and "frame 1 (meshes/none.off) has no results" in made.stderr, made.stderr
-    with numpy.load(tmp_path / "partly.npz") as stack:
-        assert stack["positions"].shape == (2, 40, 3) and stack["frames"].tolist() == [0, 2]
-        assert stack["names"].tolist() == ["meshes/a.off", "meshes/b.off"] and stack["missing"].tolist() == ["meshes/none.off"]
-    assert client_of(service).job(partly).stack().missing == ["meshes/none.off"]
+    stack = client_of(service).job(partly).stack()
+    assert stack.positions.shape == (2, 40, 3) and stack.frames == [0, 2]
+    assert stack.names == ["meshes/a.off", "meshes/b.off"] and stack.missing == ["meshes/none.off"]
 
 
 @pytest.mark.parametrize("radii, differ", [((0.3, 0.6), True), ((0.3, 0.3), False)])
-def test_a_stack_warns_if_rows_are_not_the_same_points(new_service, build, tmp_path, radii, differ):
+def test_a_stack_warns_if_rows_are_not_the_same_points(new_service, radii, differ):
     service = new_service().start()
     spec = {"version": 1, "surface": {"analytic": {"shape": "torus", "major_radius": 1, "minor_radius": 0.3}}, "sampling": {"count": 300},
             "output": {"preview": False, "order": "id"},
             "queue": {"frames": "1-2", "coherent": True, "by_frame": {"/surface/analytic/minor_radius": list(radii)}}}
     job = service.submit(spec)
     service.wait_state(job, "succeeded")
-    done = subprocess.run([build / "hexadctl", "fetch", job, "--stack", tmp_path / "all.npz"], env=service.environment(),
-                          text=True, capture_output=True, timeout=PATIENCE_S)
-    with numpy.load(tmp_path / "all.npz") as stack:
-        assert (stack["id"][0] != stack["id"][1]).any() == differ
-    assert done.returncode == 0 and ("match rows by id, or use hexadctl attach" in done.stderr) == differ, done.stderr
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        client_of(service).job(job).stack()
+        stack = client_of(service).job(job).stack()
+    assert (stack["id"][0] != stack["id"][1]).any() == differ
     assert [w.category for w in caught] == [hexad.RowWarning] * differ
 
 
-def test_unequal_numbers_of_points_name_their_files(new_service, build, root, tmp_path):
+def test_unequal_numbers_of_points_name_their_files(new_service, root):
     service = new_service("--input_roots", root).start()
     spec = {**data_set(["meshes/b.off", "meshes/a.off"]), "sampling": {"spacing": 0.5}}
     job = service.submit(spec)
     service.wait_state(job, "succeeded")
-    done = subprocess.run([build / "hexadctl", "fetch", job, "--stack", tmp_path / "all.npz"], env=service.environment(),
-                          text=True, capture_output=True, timeout=PATIENCE_S)
-    assert done.returncode == 1 and not (tmp_path / "all.npz").exists()
-    for words in (done.stderr, str(pytest.raises(ValueError, client_of(service).job(job).stack).value)):
-        assert "meshes/a.off has " in words and ", and meshes/b.off has " in words and "equal numbers" in words
+    words = str(pytest.raises(ValueError, client_of(service).job(job).stack).value)
+    assert "meshes/a.off has " in words and ", and meshes/b.off has " in words and "equal numbers" in words
 
 
 def test_local_jobs_take_lists(build, root):
