@@ -985,8 +985,8 @@ export type JobSpec = {
       properties?: string | string[];
     };
     /**
-     * preview.png and preview.exr. false: they are not written. true or an object: they are, preview.exr
-     * unless preview_exr is false; the object has the members below.
+     * The picture preview.png. false: it is not written. true or an object: it is, and preview.exr if
+     * preview_exr is true; the object has the members below.
      */
     preview?: boolean | {
       /** The side of a square image, or [width, height]. (pixels) Default: [512,512]. */
@@ -1062,7 +1062,9 @@ export type JobSpec = {
        */
       turntable?: number;
     };
-    /** Whether to write preview.exr. false: of the preview only preview.png is written. Default: true. */
+    /**
+     * Whether to write preview.exr, beside preview.png: the picture with data in each pixel. Default: false.
+     */
     preview_exr?: boolean;
     /** Whether to write convergence.csv: energy, lambda, step and count of each sweep. Default: false. */
     convergence?: boolean;
@@ -2183,8 +2185,8 @@ export type AnsweredSpec = {
       properties?: string | string[];
     };
     /**
-     * preview.png and preview.exr. false: they are not written. true or an object: they are, preview.exr
-     * unless preview_exr is false; the object has the members below.
+     * The picture preview.png. false: it is not written. true or an object: it is, and preview.exr if
+     * preview_exr is true; the object has the members below.
      */
     preview?: boolean | {
       /** The side of a square image, or [width, height]. (pixels) */
@@ -2255,7 +2257,7 @@ export type AnsweredSpec = {
        */
       turntable?: number;
     };
-    /** Whether to write preview.exr. false: of the preview only preview.png is written. */
+    /** Whether to write preview.exr, beside preview.png: the picture with data in each pixel. */
     preview_exr?: boolean;
     /** Whether to write convergence.csv: energy, lambda, step and count of each sweep. */
     convergence?: boolean;

@@ -19,7 +19,7 @@ import numpy
 COUNT = 2000
 SPEC = {"version": 1, "surface": {"analytic": {"shape": "quartic"}},
         "sampling": {"count": COUNT, "curvature": {"ratio": 2}},
-        "output": {"preview": {"channels": "all"}, "ply": {"properties": "blender"}, "points_glb": True, "points_npz": True,
+        "output": {"preview": {"channels": "all"}, "preview_exr": True, "ply": {"properties": "blender"}, "points_glb": True, "points_npz": True,
                    "points_usda": True, "mesh": True}}
 GLB = """
 import bpy, json, numpy

@@ -320,7 +320,7 @@ typedef struct spec {
     spec_channels preview_channels;       /* of preview.exr */
     spec_compression preview_compression; /* of preview.exr */
     int turntable;                        /* frames; 0: none */
-    bool has_preview_exr;                 /* true by default; not used without has_preview */
+    bool has_preview_exr;                 /* not used without has_preview */
     bool has_convergence, has_mesh, has_label_meshes;
     /* further files, in addition to points.ply and mesh.ply */
     bool points_in[FILE_FORMATS], mesh_in[FILE_FORMATS];

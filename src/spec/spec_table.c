@@ -1692,8 +1692,8 @@ const spec_row spec_rows[] = {
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_preview),
      .part = BUILD_PART_PREVIEW,
-     .prose = "preview.png and preview.exr. false: they are not written. true or an object: they are, "
-              "preview.exr unless preview_exr is false; the object has the members below."},
+     .prose = "The picture preview.png. false: it is not written. true or an object: it is, and preview.exr "
+              "if preview_exr is true; the object has the members below."},
     {.pointer = MEMBER("/output/preview", "size"),
      .title = "Size",
      .type = SPEC_TYPE_SIZE,
@@ -1837,9 +1837,9 @@ const spec_row spec_rows[] = {
     {.pointer = MEMBER("/output", "preview_exr"),
      .title = "preview.exr",
      .type = SPEC_TYPE_BOOL,
-     .otherwise = "true",
+     .otherwise = "false",
      AT(has_preview_exr),
-     .prose = "Whether to write preview.exr. false: of the preview only preview.png is written."},
+     .prose = "Whether to write preview.exr, beside preview.png: the picture with data in each pixel."},
     {.pointer = MEMBER("/output", "convergence"),
      .title = "Table of the convergence",
      .type = SPEC_TYPE_BOOL,

@@ -623,7 +623,7 @@ def test_previews_show_an_attribute(carry, tmp_path):
                   {"from": str(tmp_path / "colors.nrrd"), "as": "arrow", "type": "vector"}]
 
     def picture(**preview):
-        output = {"preview": {"size": 256, **preview}, "ply": {"precision": "double"}}
+        output = {"preview": {"size": 256, **preview}, "preview_exr": True, "ply": {"precision": "double"}}
         columns, report = carry(surface, attributes, output=output)
         assert report, columns
         _, _, image = read_exr((tmp_path / "out/preview.exr").read_bytes())

@@ -101,7 +101,7 @@ CAMERAS = [
 @pytest.mark.parametrize("preview", CAMERAS)
 def test_matrices_of_a_picture(run, preview):
     """As OpenEXR's standard attributes are defined."""
-    where, report = run(sphere(300, output={"preview": {"size": [160, 120], "channels": "all", **preview}}))
+    where, report = run(sphere(300, output={"preview": {"size": [160, 120], "channels": "all", **preview}, "preview_exr": True}))
     data = (where / "preview.exr").read_bytes()
     width, height, image = read_exr(data)
     attributes = exr_attributes(data)
@@ -132,7 +132,7 @@ def test_channels_of_a_picture(run):
     """By default those from which, with the points, the others follow."""
     pictures = {}
     for channels in ({}, {"channels": "all"}):
-        where, _ = run(sphere(300, output={"preview": {"size": 96, **channels}}))
+        where, _ = run(sphere(300, output={"preview": {"size": 96, **channels}, "preview_exr": True}))
         pictures[len(channels)] = (where / "preview.exr").read_bytes()
     (_, _, few), (_, _, all_channels) = (read_exr(pictures[k]) for k in (0, 1))
     assert set(few) == {*"RGBAZ", "id"} and len(all_channels) == 14
@@ -154,7 +154,7 @@ def test_the_picture_with_data_is_compressed_without_loss(run):
     """By default, and every pixel is as without compression."""
     read = {}
     for asked in ({}, {"compression": "none"}):
-        where, _ = run(sphere(300, output={"preview": {"size": [96, 80], **asked}}))
+        where, _ = run(sphere(300, output={"preview": {"size": [96, 80], **asked}, "preview_exr": True}))
         read[len(asked)] = (where / "preview.exr").read_bytes()
     assert len(read[0]) < 0.4 * len(read[1])
     (wide, high, packed), (*_, plain) = read_exr(read[0]), read_exr(read[1])
@@ -163,10 +163,11 @@ def test_the_picture_with_data_is_compressed_without_loss(run):
 
 
 @pytest.mark.sanitized
-def test_the_picture_with_data_can_be_left_out(run):
-    spec = sphere(100, output={"preview": {"size": 64}, "preview_exr": False})
+def test_the_picture_with_data_is_written_on_request(run):
+    spec = sphere(100, output={"preview": {"size": 64}, "preview_exr": True})
     for asked in (True, False):  # an earlier file of the directory goes
-        spec["output"]["preview_exr"] = asked
+        if not asked:
+            del spec["output"]["preview_exr"]
         where, report = run(spec)
         assert ("preview.exr" in [o["name"] for o in report["outputs"]]) == (where / "preview.exr").exists() == asked
         assert (where / "preview.png").exists()
@@ -186,7 +187,7 @@ def colour_and_value(where, value):
 def test_colours_rise_with_the_quantity(run, colour, name):
     ellipsoid = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.8, 0.5]}}
     sampling = {"count": 300, **({"alpha": {"d": 1}} if colour == "alpha" else {})}
-    where, _ = run(sphere(surface=ellipsoid, sampling=sampling, output={"preview": {"size": 128, "color": colour}}))
+    where, _ = run(sphere(surface=ellipsoid, sampling=sampling, output={"preview": {"size": 128, "color": colour}, "preview_exr": True}))
     colours, values = colour_and_value(where, read_columns((where / "points.ply").read_bytes())[name])
     assert len(values) > 50 and spearmanr(colours, values).statistic > 0.995
 
@@ -197,7 +198,7 @@ GRADED_ELLIPSOID = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "rad
 @pytest.mark.parametrize("graded", [False, True])
 def test_the_default_picture_is_shaded_or_shows_the_grading(run, graded):
     grading = {"curvature": {"ratio": 3}} if graded else {}
-    where, _ = run(sphere(surface=GRADED_ELLIPSOID, sampling={"count": 300, **grading}, output={"preview": {"size": 128}}))
+    where, _ = run(sphere(surface=GRADED_ELLIPSOID, sampling={"count": 300, **grading}, output={"preview": {"size": 128}, "preview_exr": True}))
     columns = read_columns((where / "points.ply").read_bytes())
     colours, spacings = colour_and_value(where, columns["spacing_local"])
     if graded:
@@ -244,7 +245,7 @@ def test_frames_have_one_scale_from_the_spec_alone(build, tmp_path, bounded):
 @pytest.mark.sanitized
 def test_points_with_five_and_seven_neighbours_have_a_colour_of_their_own(run):
     """On a sphere the neighbours are those of the convex hull."""
-    where, _ = run(sphere(300, output={"preview": {"size": 128, "color": "degree"}}))
+    where, _ = run(sphere(300, output={"preview": {"size": 128, "color": "degree"}, "preview_exr": True}))
     hull = ConvexHull(Points((where / "points.ply").read_bytes()).position)
     colours, degrees = colour_and_value(where, numpy.bincount(hull.simplices.ravel()))
     assert {5, 6} <= set(degrees) and len(set(zip(degrees, numpy.round(colours, 1)))) == len(set(degrees))
@@ -257,12 +258,12 @@ def test_a_turntable(run):
     ask = {"size": 64, "turntable": 3}
     where, report = run(sphere(100, surface={"analytic": {"shape": "gyroid", "period": 1}}, output={"preview": ask}))
     frames = [f"preview.{k:04d}.png" for k in (1, 2, 3)]
-    assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr", *frames]
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", *frames]
     pictures = [read_png((where / name).read_bytes())[2] for name in frames]
     assert all((pictures[k] != pictures[k - 1]).any() for k in range(3))
     where, report = run(sphere(100, output={"preview": {**ask, "turntable": 1}}))
     assert sorted(p.name for p in where.iterdir()) == sorted(
-        ["points.ply", "preview.png", "preview.exr", "report.json", "summary.json", frames[0]])
+        ["points.ply", "preview.png", "report.json", "summary.json", frames[0]])
 
 
 @pytest.mark.sanitized

@@ -29,7 +29,7 @@ TETRAHEDRON = """OFF
 
 def spec_of(surface, count=300):
     return {"version": 1, "surface": surface, "sampling": {"count": count},
-            "output": {"preview": {"size": [64, 64]}}}
+            "output": {"preview": {"size": [64, 64]}, "preview_exr": True}}
 
 
 @pytest.fixture(scope="module")

@@ -730,7 +730,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"auto\",\"max_sweeps\":5000,"
         "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
         "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-        "\"color\":\"shading\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":true,\"convergence\":false,"
+        "\"color\":\"shading\",\"map\":\"viridis\",\"channels\":\"basic\",\"compression\":\"zip\",\"up\":\"auto\",\"turntable\":0},\"preview_exr\":false,\"convergence\":false,"
         "\"points_vdb\":false,\"points_npz\":false,\"points_vtp\":false,\"points_glb\":false,\"points_usda\":false,"
         "\"mesh\":false,\"mesh_usda\":false,\"label_meshes\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_chunks\":100000,\"image_pixels\":268435456,\"image_scans\":500,\"max_attempts\":0},"

@@ -1250,10 +1250,10 @@ class Output(_OutputRest):
         orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest turn. An
         object can add a turn about +z before it, the twist, and replace the normal by the direction up.
     ply: Options of points.ply.
-    preview: preview.png and preview.exr. false: they are not written. true or an object: they are,
-        preview.exr unless preview_exr is false; the object has the members below.
-    preview_exr: Whether to write preview.exr. false: of the preview only preview.png is written. Default:
-        True.
+    preview: The picture preview.png. false: it is not written. true or an object: it is, and preview.exr if
+        preview_exr is true; the object has the members below.
+    preview_exr: Whether to write preview.exr, beside preview.png: the picture with data in each pixel.
+        Default: False.
     convergence: Whether to write convergence.csv: energy, lambda, step and count of each sweep. Default:
         False.
     points_vdb: Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing)
