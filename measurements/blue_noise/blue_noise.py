@@ -89,7 +89,7 @@ def distance_row(name, count, pattern, report, took):
     relative = q["coverage"] / q["min_spacing_ratio"]
     good = q["min_spacing_ratio"] >= (1 - TOLERANCE) * LEAST and relative <= (1 + TOLERANCE) * RELATIVE
     row = [f"{name} {count} {pattern}", name, count, pattern, f"{q['min_spacing_ratio']:.3f}", f"{relative:.3f}", f"{q['hex_fraction']:.3f}",
-           len(report["sweeps"]), report["outcome"], f"{took:.2f}"]
+           report["sweeps_total"], report["outcome"], f"{took:.2f}"]
     return row, good or pattern == "hexagonal"
 
 

@@ -346,7 +346,7 @@ def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, na
         sums.append(listed)
     report = data_service.get(f"/v1/jobs/{jobs[2]}/results/report.json").json
     assert report["diagnostics"]["threads"] == 8
-    diagnose(f"{name}: {report['count']} points, {len(report['sweeps'])} sweeps, {sums[0]['points.ply'][:16]}")
+    diagnose(f"{name}: {report['count']} points, {report['sweeps_total']} sweeps, {sums[0]['points.ply'][:16]}")
     assert sums[0] == sums[1], "the same job twice"
     assert sums[0] == sums[2], "another number of threads"
     assert sums[0]["points.ply"] != sums[3]["points.ply"], "another seed"

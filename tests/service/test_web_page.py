@@ -599,7 +599,7 @@ def test_a_job_is_watched_until_it_has_converged(service, browser):
     browser.wait_text("The solve has converged")
     report = service.get(f"/v1/jobs/{done}/results/report.json").json
     browser.wait_text(f"{report['quality']['hex_fraction']:.4g}", ".measures")
-    wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.text("figure.chart [role=img]", "ariaLabel"), "all sweeps")
+    wait_until(lambda: f"{report['sweeps_total']} sweeps" in browser.text("figure.chart [role=img]", "ariaLabel"), "all sweeps")
     assert set(browser.texts(".results a")) == {"points.ply", "preview.png", "report.json"}
 
 
