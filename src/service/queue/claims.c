@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Claims of tasks, and the end of attempts: the task ends or is queued again. */
+/* Claims of tasks, the hold that stops them, and the end of attempts: the task ends or is queued again. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,12 +11,44 @@
 #include "service/queue/copy.h"
 #include "service/queue/job_row.h"
 #include "service/queue/job_save.h"
-#include "service/queue/hold.h"
 #include "service/queue/members.h"
 #include "service/queue/owner.h"
 #include "service/queue/pieces.h"
 #include "service/queue/relation.h"
 #include "service/queue/usage.h"
+
+typedef struct holding {
+    change change;
+    bool on;
+} holding;
+
+static bool read_hold(database *d, bool *held, error *e)
+{
+    static const char sql[] = "SELECT is_held FROM service";
+    int64_t read = 0;
+    bool ok = database_read_integer(d, database_ask(d, sql, NULL, 0, e), &read, e);
+    *held = read != 0;
+    return ok;
+}
+
+static bool hold(database *d, change *asked)
+{
+    return RUN(d, &asked->fault, "UPDATE service SET is_held = ?1", integer(((holding *)asked)->on));
+}
+
+bool queue_hold(queue *q, bool on, error *e)
+{
+    holding h = {.change.apply = hold, .on = on};
+    return database_change(q->database, &h.change, e);
+}
+
+bool queue_is_held(queue *q, bool *held, error *e)
+{
+    database *d = database_begin_read(q->database);
+    bool ok = read_hold(d, held, e);
+    database_end_read(d);
+    return ok;
+}
 
 typedef struct claiming {
     change change;
@@ -182,7 +214,7 @@ static bool claim(database *d, change *asked)
     int64_t now = clock_wall_ms(), seq = 0;
     bool ok, held = false, full = false;
     if (c->resources)
-        ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, d, &full, e) &&
+        ok = promote(d, now, e) && read_hold(d, &held, e) && usage_is_met(c->q, d, &full, e) &&
              (held || full ||
               (c->id ? find_continued(d, c, &seq, e) : owner_choose(c->q, c->resources, &seq, e)));
     else
