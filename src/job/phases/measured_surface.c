@@ -41,7 +41,6 @@ static bool use_patches(const mesh_patches *p, const field_patches *of, measured
                                  .triangle = (const uint32_t(*)[3])p->m.triangle,
                                  .patch_first = p->first,
                                  .patch_count = p->count};
-    out->mesh = &p->m;
     out->patches = of;
     out->patch_euler = p->euler;
     if (!find_patch_pieces(of, &out->patch_piece, e)) return false;

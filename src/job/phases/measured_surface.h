@@ -20,7 +20,7 @@ typedef struct measured_surface {
     const vec3 *lost_place;
     size_t lost_places;
     vec3 *vertex;                 /* vertices in world units, if the mesh has another unit; otherwise NULL */
-    const mesh *mesh;             /* the triangles; NULL: the surface is measured on its scan */
+    const mesh *mesh;             /* of a level set, if the surface is measured on it; otherwise NULL */
     const field_patches *patches; /* of facets.patch_piece, if there are several pieces; otherwise NULL */
     const int64_t *patch_euler;   /* of mesh_patches, if the surface is such a mesh; otherwise NULL */
     double *euler; /* of each piece, after measured_surface_find_euler; NAN: it cannot be determined */

@@ -553,6 +553,7 @@ static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t v)
 static void sort_corners(making *k, uint32_t *set, bool *on_cut)
 {
     const mesh *m = k->m;
+    sets_reset(set, 3 * m->triangle_count);
     for (uint32_t v = 0; v < m->vertex_count; v++)
         for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
             const mesh_side *s = k->edges->sides + i;
@@ -579,23 +580,17 @@ static bool part_vertices(making *k, error *e)
     out->m.triangle = mem_array(m->triangle_count, sizeof *out->m.triangle, what, e);
     out->euler = mem_array(out->count, sizeof *out->euler, what, e);
     bool ok = to && set && on_cut && out->m.vertex && out->m.triangle && out->euler;
-    if (ok) {
-        sets_reset(set, 3 * m->triangle_count);
-        sort_corners(k, set, on_cut);
-    }
+    if (ok) sort_corners(k, set, on_cut);
     out->m.triangle_count = m->triangle_count;
-    for (size_t p = 0; ok && p < out->count; p++) {
-        to[p] = out->first[p];
-        out->euler[p] += (int64_t)(out->first[p + 1] - out->first[p]);
-    }
+    for (size_t p = 0; ok && p < out->count; p++) to[p] = out->first[p];
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
         set[c] = sets_root(set, c);
         on_cut[set[c]] |= on_cut[c];
     }
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
         const uint32_t patch = k->patch[c / 3];
+        out->euler[patch] += (set[c] == c && !on_cut[c]) + (c % 3 == 2); /* a vertex; a triangle */
         if (set[c] == c) {
-            out->euler[patch] += !on_cut[c];
             out->m.vertex[out->m.vertex_count] = m->vertex[m->triangle[c / 3][c % 3]];
             set[c] = (uint32_t)out->m.vertex_count++;
         } else {
