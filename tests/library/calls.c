@@ -175,10 +175,12 @@ static int set_locale(void)
     return setlocale(LC_ALL, locale_name) != NULL;
 }
 
+static locale_t own_locale;
+
 static int set_locale_of_thread(void)
 {
-    const locale_t made = newlocale(LC_ALL_MASK, locale_name, (locale_t)0);
-    return made && uselocale(made);
+    own_locale = newlocale(LC_ALL_MASK, locale_name, (locale_t)0);
+    return own_locale && uselocale(own_locale);
 }
 
 static int set_upward(void)
@@ -228,6 +230,7 @@ static int run_as(const char *name, int (*set)(void), const returned *expected, 
                          memcmp(out[k].position, expected[k].position, out[k].bytes) == 0;
         if (!same) printf("%s: job %u differs: %s\n", name, k, out[k].message);
         failed += !same;
+        free(out[k].position);
     }
     printf("%s: %d not as expected, %d calls of %d and %lu of progress changed the state of the host\n", name,
            failed, changed, KINDS, h.changed);
@@ -240,10 +243,12 @@ static int run_hosts(void)
     int failed = run_as("default", set_nothing, NULL, expected);
     failed += run_as("locale", set_locale, expected, out);
     failed += run_as("locale of the thread", set_locale_of_thread, expected, out);
+    if (own_locale) freelocale(own_locale);
     failed += run_as("rounding upward", set_upward, expected, out);
     failed += run_as("rounding downward", set_downward, expected, out);
     failed += run_as("no subnormals", set_no_subnormals, expected, out);
     failed += run_as("traps", set_traps, expected, out);
+    for (int k = 0; k < KINDS; k++) free(expected[k].position);
     return failed > 0;
 }
 
