@@ -554,7 +554,7 @@ def test_a_majority_takes_out_jitter_and_strays(sample):
     report, points = sample(labels, majority=3)
     assert list(advice(rough, "ragged_labels")["set"]) == ["/surface/labels/majority"]
     codes = [a["code"] for a in rough["advice"]]
-    assert codes[0] == "ragged_labels" and codes[-1] == "unresolved"  # the cause before the count
+    assert codes[0] == "ragged_labels" and codes[-1] in ("unresolved", "thin_walls")  # the cause before the count
     assert rough["outcome"] in ("unresolved", "not_converged") and rough["surface"]["area"] > 1.3 * 4 * numpy.pi * radius ** 2
     assert report["outcome"] == "converged" and report["quality"]["hex_fraction"] > 0.93
     assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * radius ** 2, rel=0.04)
@@ -569,7 +569,7 @@ def test_a_majority_is_advised_before_groups(sample):
     labels = shifted_slices()
     labels[:, 8:36, 22][labels[:, 8:36, 22] == 1] = 3
     report, _ = sample(labels, solver={"max_sweeps": 5}, output={"mesh": False})
-    assert [a["code"] for a in report["advice"]] == ["ragged_labels", "thin_labels", "unresolved"]
+    assert [a["code"] for a in report["advice"] if a["code"] != "thin_walls"] == ["ragged_labels", "thin_labels", "unresolved"]
 
 
 @pytest.mark.parametrize("kind", ["labels", "volume"])
@@ -588,8 +588,8 @@ def test_inspections_estimates_and_reports_advise_the_same_count(worker, tmp_pat
         worker(spec, output=f"out{count}")
         report = json.loads((tmp_path / f"out{count}" / "report.json").read_text())
         print(report["outcome"], report["advice"])
-        counts += [int(re.search("ask for ([0-9]+) points", " ".join(warnings))[1])
-                   for warnings in (estimate["warnings"], report["surface"]["warnings"])]
+        counts += [int(re.search("ask for ([0-9]+) points", " ".join([*warnings, *(a["message"] for a in advised)]))[1])
+                   for warnings, advised in ((estimate["warnings"], estimate["advice"]), (report["surface"]["warnings"], report["advice"]))]
     assert max(counts) <= 1.1 * min(counts), counts
 
 

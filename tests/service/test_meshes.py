@@ -684,7 +684,7 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     assert fine["voxel_size"] == pytest.approx(0.0024) and fine["mesh"]["resolution_by"] == "spacing"
     assert fine["mesh"]["resolution_limited_by"] is None
     assert bounded["mesh"]["resolution"] == 256 and bounded["mesh"]["resolution_limited_by"] == "max_resolution"
-    assert any("set voxel_size to at most 0.0024" in warning for warning in bounded["warnings"])
+    assert any("Set voxel_size to at most 0.0024" in warning for warning in bounded["warnings"])
 
 
 def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
