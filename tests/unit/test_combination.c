@@ -110,7 +110,7 @@ static void derivatives_and_sides_of_combinations(void **state)
     const field *parts[2] = {&t->base, &s->base};
     for (int kind = 0; kind < 3; kind++) {
         error e = {0};
-        combination *c = combination_new((combination_kind)kind, parts, 2, LEVELS, MEMORY, NULL, &e);
+        combination *c = combination_new((combination_kind)kind, parts, 2, LEVELS, 0, 0, MEMORY, NULL, &e);
         if (!c) fail_msg("%s", e.message);
         const field *f = combination_field(c);
         check_derivatives(f, names[kind]);
@@ -147,7 +147,7 @@ static void an_empty_combination_is_an_error(void **state)
                  {COMBINATION_DIFFERENCE, {&inner->base, &a->base}}};
     for (size_t k = 0; k < 2; k++) {
         error e = {0};
-        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, LEVELS, MEMORY, NULL, &e));
+        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, LEVELS, 0, 0, MEMORY, NULL, &e));
         assert_int_equal(e.code, ERROR_NO_SURFACE);
     }
     analytic_free(a);
@@ -166,7 +166,7 @@ static void cells_are_as_large_as_their_part_needs(void **state)
              *ball = sphere(fine, vec3_make(beside, 0, 0));
     const field *parts[3] = {&large->base, &bump->base, &ball->base};
     error e = {0};
-    combination *c = combination_new(COMBINATION_UNION, parts, 3, LEVELS, MEMORY, NULL, &e);
+    combination *c = combination_new(COMBINATION_UNION, parts, 3, LEVELS, 0, 0, MEMORY, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     const field *f = combination_field(c);
     surface *s = surface_scan(f, NULL, &e);
@@ -205,7 +205,7 @@ static double thin_area(const thin_case *t, int levels, size_t *cells, double *m
     analytic *a = sphere(t->radius, vec3_make(0, 0, 0)), *b = sphere(t->other, t->center);
     const field *parts[2] = {&a->base, &b->base};
     error e = {0};
-    combination *c = combination_new(t->kind, parts, 2, levels, MEMORY, NULL, &e);
+    combination *c = combination_new(t->kind, parts, 2, levels, 0, 0, MEMORY, NULL, &e);
     if (!c) fail_msg("%s: %s", t->what, e.message);
     surface *s = surface_scan(combination_field(c), NULL, &e);
     if (!s) fail_msg("%s: %s", t->what, e.message);
@@ -260,7 +260,7 @@ static size_t cells_of(combination_kind kind, const field *a, const field *b, in
 {
     const field *parts[2] = {a, b};
     error e = {0};
-    combination *c = combination_new(kind, parts, 2, levels, memory, NULL, &e);
+    combination *c = combination_new(kind, parts, 2, levels, 0, 0, memory, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     const size_t cells = combination_field(c)->ops->cell_count(combination_field(c));
     combination_free(c);
@@ -286,7 +286,7 @@ static void cells_in_walls_are_bounded(void **state)
     assert_int_equal(cells_of(both, &one->base, &lens->base, LEVELS, MEMORY / 4096), plain);
     assert_true(cells_of(both, &here->base, &other->base, 1, MEMORY) > 100);
     error e = {0};
-    assert_null(combination_new(both, (const field *[]){&here->base, &other->base}, 2, 1, 0, NULL, &e));
+    assert_null(combination_new(both, (const field *[]){&here->base, &other->base}, 2, 1, 0, 0, 0, NULL, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     analytic_free(one);
     analytic_free(blunt);
@@ -306,7 +306,7 @@ static void faces_in_one_plane_are_not_thin(void **state)
     analytic *a = analytic_new(&outer, NULL, NULL), *b = analytic_new(&pocket, NULL, NULL);
     const field *parts[2] = {&a->base, &b->base};
     error e = {0};
-    combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, LEVELS, MEMORY, NULL, &e);
+    combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, LEVELS, 0, 0, MEMORY, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     assert_int_equal(combination_field(c)->ops->cell_count(combination_field(c)),
                      cells_of(COMBINATION_DIFFERENCE, parts[0], parts[1], 0, MEMORY));
@@ -314,6 +314,46 @@ static void faces_in_one_plane_are_not_thin(void **state)
     combination_free(c);
     analytic_free(a);
     analytic_free(b);
+}
+
+/* The number of cells of a ball minus a ball, and its area. */
+static size_t cells_for(double spacing, double points, double *area)
+{
+    analytic *a = sphere(1, vec3_make(0, 0, 0)), *b = sphere(0.7, vec3_make(0.8, 0.1, 0.05));
+    error e = {0};
+    combination *c = combination_new(COMBINATION_DIFFERENCE, (const field *[]){&a->base, &b->base}, 2, LEVELS,
+                                     spacing, points, MEMORY, NULL, &e);
+    if (!c) fail_msg("%s", e.message);
+    surface *s = surface_scan(combination_field(c), NULL, &e);
+    if (!s) fail_msg("%s", e.message);
+    const size_t cells = combination_field(c)->ops->cell_count(combination_field(c));
+    *area = s->area;
+    surface_free(s);
+    combination_free(c);
+    analytic_free(a);
+    analytic_free(b);
+    return cells;
+}
+
+static void few_points_have_larger_cells(void **state)
+{
+    (void)state;
+    double area;
+    const size_t usual = cells_for(0, 0, &area);
+    /* `at`: distance of the plane of the common circle from the centre of the first ball */
+    const double apart = vec3_norm(vec3_make(0.8, 0.1, 0.05)), at = (apart * apart + 1 - 0.49) / (2 * apart),
+                 truth = 2 * M_PI * (1 + at) + 2 * M_PI * 0.7 * (0.7 - apart + at);
+    const double spacings[] = {0.4, 0, 0.05, 0.005, 0, 0}, counts[] = {0, 60, 60, 1e6, 2000, 1e6};
+    for (int k = 0; k < 6; k++) {
+        const size_t cells = cells_for(spacings[k], counts[k], &area);
+        print_message("# spacing %g, %g points: %zu of %zu cells, area %.2g off\n", spacings[k], counts[k],
+                      cells, usual, area / truth - 1);
+        if (k < 2)
+            assert_in_range(cells, usual / 5, usual / 3);
+        else
+            assert_int_equal(cells, usual);
+        assert_true(fabs(area / truth - 1) < 1e-3);
+    }
 }
 
 /* A lens remains beside a small ball, in a union of two balls and in another one. If it is narrower than
@@ -332,12 +372,12 @@ static void a_lens_narrower_than_cells_is_not_lost(void **state)
                  *small = sphere(radius, vec3_make(shift.x, shift.y + 3.5, shift.z));
         error e = {0};
         combination *left = combination_new(COMBINATION_UNION, (const field *[]){&one->base, &small->base}, 2,
-                                            LEVELS, MEMORY, NULL, &e);
+                                            LEVELS, 0, 0, MEMORY, NULL, &e);
         combination *right = combination_new(COMBINATION_UNION, (const field *[]){&two->base, &small->base},
-                                             2, LEVELS, MEMORY, NULL, &e);
+                                             2, LEVELS, 0, 0, MEMORY, NULL, &e);
         combination *both = combination_new(
             COMBINATION_INTERSECTION, (const field *[]){combination_field(left), combination_field(right)}, 2,
-            LEVELS, MEMORY, NULL, &e);
+            LEVELS, 0, 0, MEMORY, NULL, &e);
         if (!both) fail_msg("%s", e.message);
         surface *s = surface_scan(combination_field(both), NULL, &e);
         if (!s) fail_msg("%s", e.message);
@@ -367,6 +407,7 @@ int main(void)
         cmocka_unit_test(walls_thinner_than_cells_are_whole),
         cmocka_unit_test(cells_in_walls_are_bounded),
         cmocka_unit_test(faces_in_one_plane_are_not_thin),
+        cmocka_unit_test(few_points_have_larger_cells),
         cmocka_unit_test(a_lens_narrower_than_cells_is_not_lost),
     };
     return cmocka_run_group_tests_name("combination", tests, NULL, NULL);

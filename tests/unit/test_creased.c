@@ -117,8 +117,8 @@ static void combinations(void **state)
     analytic *a = make(&along), *b = make(&across), *c = make(&higher);
     error e = {0};
     const field *flat[2] = {&a->base, &b->base}, *raised[2] = {&a->base, &c->base};
-    combination *u = combination_new(COMBINATION_UNION, flat, 2, 12, SIZE_MAX, NULL, &e);
-    combination *d = combination_new(COMBINATION_UNION, raised, 2, 12, SIZE_MAX, NULL, &e);
+    combination *u = combination_new(COMBINATION_UNION, flat, 2, 12, 0, 0, SIZE_MAX, NULL, &e);
+    combination *d = combination_new(COMBINATION_UNION, raised, 2, 12, 0, 0, SIZE_MAX, NULL, &e);
     assert_true(u && d);
     solid *s = solid_new(4);
     solid_push_shape(s, &s->inside, &along, HERE, false);

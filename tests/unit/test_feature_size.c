@@ -169,7 +169,7 @@ static void a_shell_is_half_as_wide_as_thick(void **state)
         inside = {.shape = ANALYTIC_FRUSTUM, .axis = {0, 0, 1}, .core = {-1, 1, 0, 0}, .rounding = 0.2};
     analytic *a = analytic_new(&outside, NULL, NULL), *b = analytic_new(&inside, NULL, NULL);
     const field *parts[] = {&a->base, &b->base};
-    combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, 12, SIZE_MAX, NULL, &e);
+    combination *c = combination_new(COMBINATION_DIFFERENCE, parts, 2, 12, 0, 0, SIZE_MAX, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     compare("shell", combination_field(c), shell_truth, 0.01, 0.03);
     combination_free(c);
@@ -195,7 +195,7 @@ static void a_gap_between_balls_counts_from_either_side(void **state)
                           right = {.shape = ANALYTIC_SPHERE, .center = {1.05, 0, 0}, .radius = 1};
     analytic *a = analytic_new(&left, NULL, NULL), *b = analytic_new(&right, NULL, NULL);
     const field *parts[] = {&a->base, &b->base};
-    combination *c = combination_new(COMBINATION_UNION, parts, 2, 12, SIZE_MAX, NULL, &e);
+    combination *c = combination_new(COMBINATION_UNION, parts, 2, 12, 0, 0, SIZE_MAX, NULL, &e);
     if (!c) fail_msg("%s", e.message);
     compare("two balls", combination_field(c), pair_truth, 0.07, 0.2);
     combination_free(c);

@@ -183,9 +183,9 @@ typedef struct opening {
                     * distributed */
     bbox bounds;   /* bounds of half-spaces, in the space of the current part */
     bool direct;   /* the current part is the whole surface, or the only part of transforms of the whole */
-    bool placed;   /* to_world applies: the current part is transformed; only if `direct` */
-    double to_world[3][4];
-    const char *where; /* JSON Pointer of the current part */
+    bool placed;   /* the current part is transformed */
+    double to_world[3][4]; /* the identity if not placed */
+    const char *where;     /* JSON Pointer of the current part */
 } opening;
 
 /* Longer pointers are truncated in messages. */
@@ -646,6 +646,15 @@ static bool open_operand(const spec_surface *s, size_t k, double offset, const o
     return !is_needed;
 }
 
+/* The spacing of the points in units of the current part; 0: it follows from their number. */
+static double spacing_within(const opening *o)
+{
+    double scale = 0;
+    for (int axis = 0; axis < 3; axis++)
+        scale = fmax(scale, vec3_norm(affine_axis((const double(*)[4])o->to_world, axis)));
+    return plan_spacing(o->spec) / scale;
+}
+
 static bool open_combination(const spec_surface *s, double offset, const opening *o, source_part *out,
                              error *e)
 {
@@ -667,9 +676,11 @@ static bool open_combination(const spec_surface *s, double offset, const opening
     for (size_t k = 0; k < s->part_count; k++)
         if (!out->parts[k].nothing) fields[count++] = out->parts[k].field;
     *e = (error){0}; /* errors of omitted parts */
-    const int wall_levels = makes_patches(o->spec) ? 0 : o->direct ? WALL_LEVELS : WALL_LEVELS_WITHIN;
+    const bool patches = makes_patches(o->spec);
+    const int wall_levels = patches ? 0 : o->direct ? WALL_LEVELS : WALL_LEVELS_WITHIN;
     if (count > 0)
-        out->combination = combination_new(kind, fields, count, wall_levels, memory_left(o), o->pool, e);
+        out->combination = combination_new(kind, fields, count, wall_levels, patches ? 0 : spacing_within(o),
+                                           patches ? 0 : (double)o->spec->count, memory_left(o), o->pool, e);
     else
         error_set(e, ERROR_NO_SURFACE, "every part of the union is empty: correct the parts");
     free(fields);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/core/memory.h"
+#include "geometry/space/packing.h"
 #include "surface/field/cell_grid.h"
 
 /* In cell sizes: distance by which a surface may extend beyond the cells that it crosses. */
@@ -14,8 +15,12 @@ static const double BULGE = 0.5;
  * are discarded. */
 enum { SMALL = 4 };
 /* Minimum cells along the longest side. A sharp edge is cut off in each cell that it crosses: with 32 cells,
- * as for formulas, the area of a sphere minus a sphere is 5e-3 too small. */
-static const double CELLS_LONGEST = 192;
+ * as for formulas, the area of a sphere minus a sphere is up to 5e-3 wrong, with 96 2e-4, with 192 4e-5. Few
+ * points need FEWEST_LONGEST, or CELLS_PER_SPACING along their spacing, up to CELLS_LONGEST. */
+static const double CELLS_LONGEST = 192, FEWEST_LONGEST = 96, CELLS_PER_SPACING = 12;
+/* Area in squares of the longest side, for the spacing of a number of points. A sphere has 3.1, a cube 6; a
+ * smaller value gives smaller cells. */
+static const double USUAL_AREA = 2;
 /* Value, in cell sizes, where F is not defined. No edge is near there: it exceeds the distance at which edges
  * are searched. */
 static const double FAR = 2;
@@ -195,12 +200,19 @@ static bool has_open_part(const combination *c)
     return open;
 }
 
+/* The maximum cell size. For the arguments see combination_new. */
+static double largest_cell(double longest, double spacing, double points)
+{
+    if (!(spacing > 0) && points > 0) spacing = packing_spacing(USUAL_AREA * longest * longest, points);
+    return fmin(fmax(spacing / CELLS_PER_SPACING, longest / CELLS_LONGEST), longest / FEWEST_LONGEST);
+}
+
 /* Level 0 is for the part with the widest cells, the last level for the part with the smallest. The curves in
  * which faces of the domain cut the surface consist of sides of cells: if there may be any, all cells have
  * the smallest size. */
-static bool lay_out_grid(combination *c, error *e)
+static bool lay_out_grid(combination *c, double spacing, double points, error *e)
 {
-    const double most = bbox_longest(c->base.domain) / CELLS_LONGEST;
+    const double most = largest_cell(bbox_longest(c->base.domain), spacing, points);
     double edge = most, widest = 0, blocks = 1;
     const bool open = has_open_part(c);
     for (size_t k = 0; k < c->count; k++) {
@@ -626,7 +638,7 @@ static bool check_boundaries(const combination *c, error *e)
 }
 
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
-                             size_t memory, threads *pool, error *e)
+                             double spacing, double points, size_t memory, threads *pool, error *e)
 {
     combination *c = mem_alloc(sizeof *c);
     c->base.ops = &combination_ops;
@@ -636,7 +648,7 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     set_parts(c, kind, parts);
     vec3 size = bbox_size(c->base.domain);
     bool some = size.x > 0 && size.y > 0 && size.z > 0;
-    bool ok = some && lay_out_grid(c, e) && find_surface(c, wall_levels, memory, pool, e);
+    bool ok = some && lay_out_grid(c, spacing, points, e) && find_surface(c, wall_levels, memory, pool, e);
     for (size_t k = 0; k < count; k++) {
         free(c->parts[k].walls);
         c->parts[k].walls = NULL;

@@ -28,12 +28,13 @@ typedef enum combination_kind {
  * `wall_levels`: maximum number of times that cells are halved in walls and gaps between two parts; 0: walls
  * are not detected. Cells are not halved if a part is open or if they would exceed `memory`, bytes. They are
  * halved more often if the result would have no cells otherwise. If a combination is a part of another one,
- * the cells of the other one are as small as its smallest cells, wherever it has cells. Errors: no_surface
- * (nothing is left), limit_memory (also if all that is left is thinner than the smallest cells),
- * not_supported (the boundary of an open part would lie inside the combination), and those of
- * cell_grid_search. */
+ * the cells of the other one are as small as its smallest cells, wherever it has cells. `spacing`: of the
+ * points that will sample it, world units; 0: it follows from their number, `points`. If they are few, the
+ * largest cells are larger, by up to 2. Both 0: unknown. Errors: no_surface (nothing is left), limit_memory
+ * (also if all that is left is thinner than the smallest cells), not_supported (the boundary of an open part
+ * would lie inside the combination), and those of cell_grid_search. */
 combination *combination_new(combination_kind kind, const field *const *parts, size_t count, int wall_levels,
-                             size_t memory, threads *pool, error *e);
+                             double spacing, double points, size_t memory, threads *pool, error *e);
 void combination_free(combination *c);
 const field *combination_field(const combination *c);
 

@@ -9,8 +9,8 @@
 /* Default voxels along the longest side: with these, nine tenths of a scanned mesh are within 0.05 voxels of
  * the level set. */
 static const double usual_resolution = 256;
-/* Minimum of default voxels along the longest side, however few the points. Fewer save no time: a combination has at least
- * 192 cells along its longest side. */
+/* Minimum of default voxels along the longest side, however few the points. Fewer save no time: a combination
+ * has at least 96 cells along its longest side. */
 static const double fewest_resolution = 80;
 /* Peak memory during opening, in bytes per square voxel of the mesh's area. Measured: 350 to 450 for 256 to
  * 2048 voxels along the longest side; less for thin walls. */
@@ -53,12 +53,12 @@ resolution voxel_size_begin(const mesh *m, const voxel_size_request *q)
     const char *bound;
     r.finest = finest_voxel(&r, q, share_for_thickness * limit, &bound);
     r.voxel_size = usual;
-    r.chosen_by = "default";
+    r.chosen_by = enough > r.longest / usual_resolution && enough >= q->least ? "spacing" : "default";
     if (!(r.spacing > 0 && r.spacing < usual)) return r;
     const double points = packing_count(r.area, r.spacing) * q->point_bytes;
     const double least = finest_voxel(&r, q, share_for_spacing * (limit - points), &bound);
     r.voxel_size = fmin(usual, fmax(r.spacing, least));
-    r.chosen_by = r.voxel_size < usual ? "spacing" : "default";
+    if (r.voxel_size < usual) r.chosen_by = "spacing";
     if (least > r.spacing) r.limited_by = bound;
     return r;
 }

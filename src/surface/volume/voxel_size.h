@@ -3,9 +3,9 @@
  * of the mesh.
  *
  * The first size is the usual number of voxels along the longest side, or the spacing if that is smaller:
- * creases are rounded over a voxel, and the points must not resolve this. Parts of a combination have fewer voxels
- * if they get few points. It is reduced if thin parts are not
- * represented. Memory and a maximum number along the longest side bound it. Pure functions.
+ * creases are rounded over a voxel, and the points must not resolve this. Parts of a combination have fewer
+ * voxels if they get few points. It is reduced if thin parts are not represented. Memory and a maximum number
+ * along the longest side bound it. Pure functions.
  */
 #ifndef HEXAD_SURFACE_VOLUME_VOXEL_SIZE_H
 #define HEXAD_SURFACE_VOLUME_VOXEL_SIZE_H
