@@ -45,7 +45,7 @@ static box_tree random_tree(rng *r, size_t count)
             box[k].min, vec3_scale(random_between(r, (vec3){0, 0, 0}, (vec3){1, 1, 1}), random_length(r)));
         centre[k] = vec3_scale(vec3_add(box[k].min, box[k].max), 0.5);
     }
-    assert_true(box_tree_make(count, centre, box_at, box, "test", &t, &e));
+    assert_true(box_tree_make(count, centre, box_at, box, NULL, "test", &t, &e));
     assert_int_equal(t.count, count);
     return t;
 }

@@ -56,7 +56,7 @@ static vec3 in_single_precision(vec3 x)
 static triangle_tree *tree_of(const mesh *m)
 {
     error e = {0};
-    triangle_tree *tree = triangle_tree_new(m, &e);
+    triangle_tree *tree = triangle_tree_new(m, NULL, &e);
     assert_non_null(tree);
     return tree;
 }

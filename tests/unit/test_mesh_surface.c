@@ -587,7 +587,7 @@ static void a_triangle_with_two_equal_vertices_is_halved_with_its_neighbours(voi
     memcpy(m.vertex, vertex, sizeof vertex);
     memcpy(m.triangle, corner, sizeof corner);
     for (int v = 0; v < 5; v++) normal[v] = vec3_make(0.6, 0, 0.8);
-    assert_true(mesh_refine(&m, normal, 1.9, 100, first, 1, &whole, &changed, &e));
+    assert_true(mesh_refine(&m, normal, 1.9, 100, first, 1, &whole, &changed, NULL, &e));
     assert_true(changed);
     const uint32_t before[] = {0, 0, 1, 1, 1, 2, 2};
     assert_memory_equal(whole, before, sizeof before);

@@ -2,6 +2,7 @@
 /* Searches of trees of triangles return the same as a comparison with all triangles. */
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -44,14 +45,15 @@ static void setup(fixture *f, mesh m)
 {
     error e = {0};
     f->m = m;
-    f->tree = triangle_tree_new(&f->m, &e);
+    f->tree = triangle_tree_new(&f->m, NULL, &e);
     assert_non_null(f->tree);
     for (size_t k = 0; k < PARTS; k++) {
         const size_t first = k * m.triangle_count / PARTS, end = (k + 1) * m.triangle_count / PARTS;
         f->part[k] = m;
         f->part[k].triangle = m.triangle + first;
         f->part[k].triangle_count = end - first;
-        f->of_part[k] = k % 2 ? triangle_tree_new(&f->part[k], &e) : triangle_tree_new_lazy(&f->part[k]);
+        f->of_part[k] =
+            k % 2 ? triangle_tree_new(&f->part[k], NULL, &e) : triangle_tree_new_lazy(&f->part[k]);
     }
     f->forest = triangle_forest_new((const triangle_tree *const *)f->of_part, PARTS, &e);
     assert_non_null(f->forest);
@@ -119,6 +121,23 @@ static void the_closest_triangle_is_found(void **state)
 {
     (void)state;
     assert_closest_is_found(mesh_fixture_ball((vec3){0, 0, 0}, 1, 3), 0);
+}
+
+static void construction_ends_when_the_pool_is_stopped(void **state)
+{
+    (void)state;
+    error e = {0};
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 3);
+    volatile sig_atomic_t stop = 0;
+    threads *pool = threads_new(1, &stop, &e);
+    triangle_tree *whole = triangle_tree_new(&m, pool, &e);
+    assert_non_null(whole);
+    stop = 1;
+    assert_null(triangle_tree_new(&m, pool, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    triangle_tree_free(whole);
+    threads_free(pool);
+    mesh_free(&m);
 }
 
 static void the_closest_sliver_is_found(void **state)
@@ -298,6 +317,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_closest_triangle_is_found),
+        cmocka_unit_test(construction_ends_when_the_pool_is_stopped),
         cmocka_unit_test(the_closest_sliver_is_found),
         cmocka_unit_test(all_near_slivers_are_visited),
         cmocka_unit_test(a_line_crosses_each_sliver_once),

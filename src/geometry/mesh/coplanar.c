@@ -121,7 +121,7 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
     c->part_of = mem_array(c->m->triangle_count, sizeof *c->part_of, what, e);
     if (!c->part_of) return false;
     sets_reset(c->part_of, c->m->triangle_count);
-    for (uint32_t v = 0; v < edges->vertex_count; v++)
+    for (uint32_t v = 0; v < edges->vertex_count && !threads_stopped(c->pool); v++)
         for (size_t k = edges->first[v], n; k < edges->first[v + 1]; k += n) {
             const mesh_side *s = edges->sides + k;
             vec3 a[3], b[3];
@@ -183,20 +183,21 @@ static bool list_parts(cutting *c, error *e)
     if (ok) {
         for (uint32_t t = 0; t < all; t++)
             if (c->part_of[t] == t) number[t] = (uint32_t)c->part_count++;
-        for (size_t k = 0; k < c->part_count; k++) c->parts[k].box = bbox_empty();
+        for (size_t k = 0; k < c->part_count && !threads_stopped(c->pool); k++)
+            c->parts[k].box = bbox_empty();
         for (uint32_t t = 0; t < all; t++) c->parts[number[c->part_of[t]]].count++;
         for (size_t k = 1; k < c->part_count; k++)
             c->parts[k].first = c->parts[k - 1].first + c->parts[k - 1].count;
         for (size_t k = 0; k < c->part_count; k++) c->parts[k].count = 0;
-        for (uint32_t t = 0; t < all; t++) {
+        for (uint32_t t = 0; t < all && !threads_stopped(c->pool); t++) {
             part *p = &c->parts[number[c->part_of[t]]];
             c->by_part[p->first + p->count++] = t;
             widen(c, scale, t, p);
         }
-        qsort(c->parts, c->part_count, sizeof *c->parts, by_low);
+        if (!threads_stopped(c->pool)) qsort(c->parts, c->part_count, sizeof *c->parts, by_low);
     }
     free(number);
-    return ok;
+    return ok && may_go_on(c, e);
 }
 
 /* ---- pairs of triangles */
@@ -329,10 +330,10 @@ static void list_intervals(const cutting *c, int direction, interval *list)
 }
 
 /* Number of pairs of overlapping intervals. */
-static double count_overlaps(const interval *list, size_t count)
+static double count_overlaps(const interval *list, size_t count, const threads *pool)
 {
     double sum = 0;
-    for (size_t k = 0; k < count; k++) {
+    for (size_t k = 0; k < count && !threads_stopped(pool); k++) {
         size_t low = k, high = count; /* the intervals up to `low` begin at or below the end */
         while (high - low > 1) {
             const size_t middle = (low + high) / 2;
@@ -392,7 +393,7 @@ static bool pair_by_intervals(cutting *c, int direction, interval *list, error *
     set_highest(list, 0, c->part_count);
     part_search s = {.c = c, .list = list, .found = mem_array(c->part_count, sizeof *s.found, what, e)};
     bool ok = s.found;
-    for (; ok && s.i < c->part_count; s.i++) {
+    for (; ok && s.i < c->part_count && !threads_stopped(c->pool); s.i++) {
         const part *own = &c->parts[s.i];
         s.low = own->low[direction];
         s.high = own->high[direction];
@@ -407,7 +408,7 @@ static bool pair_by_intervals(cutting *c, int direction, interval *list, error *
 
 static bool pair_in_order(cutting *c, error *e)
 {
-    for (size_t i = 0; i < c->part_count; i++)
+    for (size_t i = 0; i < c->part_count && !threads_stopped(c->pool); i++)
         for (size_t j = i + 1; j < c->part_count && c->parts[j].low[0] <= c->parts[i].high[0]; j++)
             if (bbox_overlap(c->parts[i].box, c->parts[j].box) &&
                 !pair_parts(c, &c->parts[i], &c->parts[j], e))
@@ -420,13 +421,13 @@ static bool find_pairs(cutting *c, error *e)
     interval *list = mem_array(c->part_count, sizeof *list, what, e);
     if (!list) return false;
     list_intervals(c, 0, list);
-    const double first = count_overlaps(list, c->part_count);
+    const double first = count_overlaps(list, c->part_count, c->pool);
     double fewest = fewer_overlaps * first;
     int best = 0;
     for (int d = 1;
          d < DIRECTIONS && first > few_overlaps * (double)c->part_count && !threads_stopped(c->pool); d++) {
         list_intervals(c, d, list);
-        const double overlaps = count_overlaps(list, c->part_count);
+        const double overlaps = count_overlaps(list, c->part_count, c->pool);
         if (overlaps >= fewest) continue;
         fewest = overlaps;
         best = d;
@@ -836,8 +837,8 @@ bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, threads *
     c.l.m = m;
     *out = (coplanar_overlap){0};
     mesh before = {0};
-    bool ok = join_parts(&c, edges, e) && may_go_on(&c, e) && list_parts(&c, e) && may_go_on(&c, e) &&
-              find_pairs(&c, e) && may_go_on(&c, e);
+    bool ok = join_parts(&c, edges, e) && may_go_on(&c, e) && list_parts(&c, e) && find_pairs(&c, e) &&
+              may_go_on(&c, e);
     if (ok && c.pair_count > 0) {
         c.closed = mem_array(m->triangle_count, sizeof *c.closed, what, e);
         ok = c.closed && contacts_find_closed(m, edges, c.closed, e) && mesh_copy(m, NULL, &before, e) &&

@@ -25,6 +25,7 @@ typedef struct items {
     const vec3 *centre;
     box_tree_box *box_of;
     const void *context;
+    const threads *pool;
 } items;
 
 /* The nearest floats are at most half of the distance between neighbouring floats away: the next ones are beyond
@@ -46,14 +47,14 @@ static box_tree_bounds bounds_of(bbox box, vec3 middle)
                              {above(max.x), above(max.y), above(max.z)}};
 }
 
-/* Builds a node of the items order[first] .. order[first + count - 1]. */
+/* Builds a node of the items order[first] .. order[first + count - 1]. Incomplete if the pool is stopped. */
 static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t count)
 {
     bbox box = bbox_empty();
     if (count <= BOX_TREE_LEAF) {
         for (size_t k = first; k < first + count; k++)
             box = bbox_unite(box, i->box_of(i->context, t->order[k]));
-    } else {
+    } else if (!threads_stopped(i->pool)) {
         const size_t half = count / 2;
         point_tree_halve(i->centre, t->order + first, count);
         box = bbox_unite(build(t, i, 2 * node + 1, first, half),
@@ -64,7 +65,7 @@ static bbox build(box_tree *t, const items *i, size_t node, size_t first, size_t
 }
 
 bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
-                   const char *what, box_tree *out, error *e)
+                   const threads *pool, const char *what, box_tree *out, error *e)
 {
     bbox centres = bbox_empty();
     for (size_t k = 0; k < count; k++) centres = bbox_include(centres, centre[k]);
@@ -76,7 +77,11 @@ bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const
         return false;
     }
     for (size_t k = 0; k < count; k++) t.order[k] = (uint32_t)k;
-    build(&t, &(items){centre, box_of, context}, 0, 0, count);
+    build(&t, &(items){centre, box_of, context, pool}, 0, 0, count);
+    if (threads_stopped(pool)) {
+        box_tree_free(&t);
+        return error_set(e, ERROR_CANCELLED, "stopped");
+    }
     *out = t;
     return true;
 }

@@ -19,6 +19,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/space/bbox.h"
 
 /* BOX_TREE_LEAF: maximum number of items of a leaf; the test of a box takes about as long as the test of one
@@ -41,9 +42,9 @@ typedef struct box_tree {
 typedef bbox box_tree_box(const void *context, uint32_t item);
 
 /* Builds the tree of `count` < 2^32 items with the given centres. `what`: the object that messages name.
- * Error: limit_memory, *out unchanged. */
+ * `pool` may be NULL; only its flag is used. Errors: limit_memory, cancelled; then *out is unchanged. */
 bool box_tree_make(size_t count, const vec3 *centre, box_tree_box *box_of, const void *context,
-                   const char *what, box_tree *out, error *e);
+                   const threads *pool, const char *what, box_tree *out, error *e);
 void box_tree_free(box_tree *t); /* accepts a zeroed object */
 size_t box_tree_bytes(size_t count);
 

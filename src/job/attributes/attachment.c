@@ -121,7 +121,7 @@ static bool begin_search(const attachment_file *file, size_t memory_limit, searc
     s->origin = mesh_box(&s->p.m, NULL).min;
     for (size_t k = 0; k < s->p.m.vertex_count; k++) s->p.m.vertex[k] = vec3_sub(s->p.m.vertex[k], s->origin);
     return (s->face = mesh_polygons_of_triangles(&s->p.polygons, s->p.m.triangle_count, e)) &&
-           (s->tree = triangle_tree_new(&s->p.m, e));
+           (s->tree = triangle_tree_new(&s->p.m, NULL, e));
 }
 
 static void store_place(double *const values[ATTACHMENT_ARRAYS], size_t i, size_t file, uint32_t face,

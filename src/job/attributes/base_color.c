@@ -384,7 +384,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
 {
     double to_file[3][4];
     uint32_t *polygon = mesh_polygons_of_triangles(&t->polygons, t->m.triangle_count, e);
-    triangle_tree *tree = polygon ? triangle_tree_new(&t->m, e) : NULL;
+    triangle_tree *tree = polygon ? triangle_tree_new(&t->m, NULL, e) : NULL;
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; tree && i < count; i++) {
         double weight[3];

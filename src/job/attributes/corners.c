@@ -95,7 +95,7 @@ bool corners_read(const attribute_request *request, size_t count, const vec3 *po
     size_t which;
     double to_file[3][4];
     if (!find_mesh(request, &kept, &which, e)) return false;
-    if (!kept->tree && !(kept->tree = triangle_tree_new(&kept->m, e))) return false;
+    if (!kept->tree && !(kept->tree = triangle_tree_new(&kept->m, NULL, e))) return false;
     for (size_t k = 0; k < kept->notes.count && !request->is_of_surface; k++)
         dense_warn(&counts->warnings, "%s", kept->notes.text[k]);
     kept->notes.count = 0;

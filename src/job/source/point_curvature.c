@@ -123,10 +123,10 @@ static bool is_uncut(const leaf *l)
     return l->part->mesh && l->m != mesh_surface_given(l->part->mesh);
 }
 
-static bool make_trees(finding *f, error *e)
+static bool make_trees(finding *f, const threads *pool, error *e)
 {
     for (size_t k = 0; k < f->leaf_count; k++)
-        if (is_uncut(&f->leaves[k]) && !(f->leaves[k].tree = triangle_tree_new(f->leaves[k].m, e)))
+        if (is_uncut(&f->leaves[k]) && !(f->leaves[k].tree = triangle_tree_new(f->leaves[k].m, pool, e)))
             return false;
     return true;
 }
@@ -300,7 +300,7 @@ bool point_curvature_find(const source *s, const point_curvature_input *in, thre
     list_meshes(&f, &s->whole, outer, 0);
     free(outer);
     f.at = mem_array(in->count, sizeof *f.at, what, e);
-    bool ok = f.at && make_trees(&f, e);
+    bool ok = f.at && make_trees(&f, pool, e);
     if (ok) threads_run(pool, in->count, GRAIN, locate_chunk, &f);
     ok = ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
     for (size_t k = 0; ok && k < f.leaf_count; k++) ok = prepare_leaf(&f, k, pool, e);

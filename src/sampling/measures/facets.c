@@ -324,7 +324,8 @@ static void unite_nodes(const facets_node *a, const facets_node *b, facets_node 
 }
 
 /* Appends the nodes of a range of items. Returns the index of its root. */
-static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, uint32_t end)
+static uint32_t build_nodes(facets *f, const float *cell_angle, const threads *pool, uint32_t begin,
+                            uint32_t end)
 {
     const uint32_t at = (uint32_t)f->node_count++;
     f->node[at] = (facets_node){.begin = begin, .end = end};
@@ -334,8 +335,9 @@ static uint32_t build_nodes(facets *f, const float *cell_angle, uint32_t begin, 
     }
     const uint32_t leaves = (end - begin + LEAF_ITEMS - 1) / LEAF_ITEMS,
                    middle = begin + (leaves + 1) / 2 * LEAF_ITEMS;
-    build_nodes(f, cell_angle, begin, middle);
-    const uint32_t right = build_nodes(f, cell_angle, middle, end);
+    if (threads_stopped(pool)) return at; /* incomplete */
+    build_nodes(f, cell_angle, pool, begin, middle);
+    const uint32_t right = build_nodes(f, cell_angle, pool, middle, end);
     unite_nodes(&f->node[at + 1], &f->node[right], &f->node[at]);
     f->node[at].right = right;
     return at;
@@ -468,7 +470,7 @@ bool facets_build(facets *f, facets_need need, const void *context, threads *poo
         f->node = mem_array(2 * leaves, sizeof *f->node, what, e);
         ok = f->node != NULL;
     }
-    if (ok) build_nodes(f, angle, 0, (uint32_t)f->item_count);
+    if (ok) build_nodes(f, angle, pool, 0, (uint32_t)f->item_count);
     free(angle);
     return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
 }

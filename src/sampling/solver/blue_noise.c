@@ -797,7 +797,7 @@ static bool gather_facets(solver *s, error *e)
     bool ok = middle && b->facets;
     for (size_t k = 0; ok && k < scan->cells; k++) add_facets(scan, k, b->facets, &count);
     for (size_t k = 0; ok && k < count; k++) middle[k] = field_triangle_middle(b->facets[k].corner);
-    ok = ok && box_tree_make(count, middle, facet_box, b->facets, what, &b->tree, e);
+    ok = ok && box_tree_make(count, middle, facet_box, b->facets, NULL, what, &b->tree, e);
     free(middle);
     if (ok) sort_facets(b->facets, &b->tree);
     return ok;

@@ -129,7 +129,7 @@ static bool make_surface(const label_surface_request *r, label_surface *s, error
     const double spacing = r->spacing > 0 ? r->spacing
                            : r->count > 0 ? packing_spacing(mesh_area(&made.m), r->count)
                                           : INFINITY;
-    const mesh_patches_params params = {.spacing = spacing, .kind = made.kind};
+    const mesh_patches_params params = {.spacing = spacing, .kind = made.kind, .pool = r->pool};
     bool ok = mesh_patches_make(&made.m, &params, &unused, &patches, e);
     patches.has_many_parts = true;
     ok = ok && (s->surface = mesh_surface_new(&patches, spacing, r->memory_limit, r->pool, e)) != NULL;

@@ -226,7 +226,7 @@ static bool sample_mesh(measuring *w, threads *pool, error *e)
     bool ok = gather_tallies(w, chunks, e);
     for (size_t k = 0; k < chunks; k++) free(w->tallies[k].deviations);
     if (!ok || w->deviation_count == 0) return ok;
-    if (!(w->tree = triangle_tree_new(w->m, e))) return false;
+    if (!(w->tree = triangle_tree_new(w->m, pool, e))) return false;
     threads_run(pool, w->deviation_count, CHUNK / 16, classify_chunk, w);
     return list_gaps(w, e);
 }
@@ -304,7 +304,7 @@ typedef bool sample_test(const triangle_tree *tree, uint32_t n, vec3 p, vec3 nor
 static bool measure_share(const mesh *m, int sampled, sample_test *holds, double width, double *share,
                           error *e)
 {
-    triangle_tree *tree = triangle_tree_new(m, e);
+    triangle_tree *tree = triangle_tree_new(m, NULL, e);
     const double step = mesh_area(m) / sampled;
     double passed = 0, next = 0.5 * step;
     int found = 0;

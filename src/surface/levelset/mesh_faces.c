@@ -123,7 +123,7 @@ static bool make_trees(mesh_faces *f, threads *pool, error *e)
     if (!f->tree) return false;
     threads_run(pool, f->count, 16, box_groups, f);
     for (size_t k = 0; k < f->count; k++)
-        if (!f->tree[k] && !(f->tree[k] = triangle_tree_new(&f->group[k], e))) return false;
+        if (!f->tree[k] && !(f->tree[k] = triangle_tree_new(&f->group[k], pool, e))) return false;
     f->trees = triangle_forest_new((const triangle_tree *const *)f->tree, f->count, e);
     return f->trees;
 }

@@ -112,7 +112,7 @@ static bool look_around(growth *g, uint32_t v, error *e)
 static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
 {
     const mesh *m = &g->f->m;
-    triangle_tree *tree = triangle_tree_new(m, e);
+    triangle_tree *tree = triangle_tree_new(m, NULL, e);
     bool ok = tree != NULL;
     for (size_t i = 0; ok && i < count; i++) {
         double weight[3];

@@ -126,7 +126,7 @@ bool left_out_find(const left_out_input *in, double share, size_t most, threads 
     *place = NULL;
     *count = 0;
     bool ok = fine_mesh_make(in->on, NULL, in->count, in->position, in->spacing, PIECES, &fine, e) &&
-              (of_mesh = triangle_tree_new(in->on, e)) && (of_made = triangle_tree_new(&made, e));
+              (of_mesh = triangle_tree_new(in->on, pool, e)) && (of_made = triangle_tree_new(&made, pool, e));
     search s = {in, share, &fine.m, &made, of_mesh, of_made, NULL};
     ok = ok && look(&s, most, pool, place, count, e);
     triangle_tree_free(of_mesh);

@@ -108,12 +108,12 @@ static void mark_sides(halving *h, const mesh *joined, const mesh_edges *edges, 
         }
 }
 
-static bool find_middles(halving *h, const vec3 *normal, double longest, error *e)
+static bool find_middles(halving *h, const vec3 *normal, double longest, threads *pool, error *e)
 {
     mesh joined = {0};
     mesh_edges edges = {0};
-    const bool ok = mesh_copy(h->m, NULL, &joined, e) && mesh_weld_vertices(&joined, NULL, e) &&
-                    mesh_edges_list(&joined, NULL, &edges, e);
+    const bool ok = mesh_copy(h->m, pool, &joined, e) && mesh_weld_vertices(&joined, pool, e) &&
+                    mesh_edges_list(&joined, pool, &edges, e);
     /* sides that no edge has: of triangles whose vertices are all joined */
     for (size_t n = 0; ok && n < h->m->triangle_count; n++)
         for (int k = 0; k < 3; k++) h->middle[n][k] = NONE;
@@ -148,7 +148,7 @@ static void fill(const halving *h, mesh *out, size_t *first, size_t count, const
 }
 
 bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
-                 uint32_t **whole, bool *changed, error *e)
+                 uint32_t **whole, bool *changed, threads *pool, error *e)
 {
     uint32_t *parts_of = NULL;
     halving h = {.m = m, .vertices = m->vertex_count, .triangles = m->triangle_count};
@@ -156,7 +156,7 @@ bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_
     *changed = false;
     if (!has_long_side(m, longest)) return true;
     h.middle = mem_array(m->triangle_count, sizeof *h.middle, what, e);
-    bool ok = h.middle && find_middles(&h, normal, longest, e);
+    bool ok = h.middle && find_middles(&h, normal, longest, pool, e);
     *changed = ok && h.triangles > m->triangle_count && h.triangles <= most;
     if (*changed) {
         out = (mesh){h.vertices, h.triangles, mem_array(h.vertices, sizeof *out.vertex, what, e),

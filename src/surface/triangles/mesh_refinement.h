@@ -10,6 +10,7 @@
 #include <stddef.h>
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 
 /* One round: halves each edge longer than `longest` once, if a vertex normal (unit) of an adjacent triangle
@@ -21,10 +22,10 @@
  * replaced if the mesh changes, and freed by the caller.
  *
  * *changed: an edge was halved. If the result would have more than `most` triangles, the mesh stays as it is,
- * *changed is false and the function returns true. Error: limit_memory; the mesh is unchanged then,
- * and *changed undefined.
+ * *changed is false and the function returns true. The pool may be NULL; the result does not depend on it.
+ * Errors: limit_memory, cancelled; the mesh is unchanged then, and *changed undefined.
  */
 bool mesh_refine(mesh *m, const vec3 *normal, double longest, size_t most, size_t *first, size_t count,
-                 uint32_t **whole, bool *changed, error *e);
+                 uint32_t **whole, bool *changed, threads *pool, error *e);
 
 #endif

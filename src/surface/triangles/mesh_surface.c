@@ -158,13 +158,18 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
     return elementary_atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
+static bool may_go_on(const threads *pool, error *e)
+{
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
 /* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch
  * they are turned to the side of the first. */
-static void find_normals(const mesh_surface *s, vec3 *normal)
+static bool find_normals(const mesh_surface *s, const threads *pool, vec3 *normal, error *e)
 {
     const mesh_patches *m = &s->mesh;
     for (size_t p = 0; p < m->count; p++)
-        for (size_t n = m->first[p]; n < m->first[p + 1]; n++) {
+        for (size_t n = m->first[p]; n < m->first[p + 1] && !threads_stopped(pool); n++) {
             const vec3 unit = vec3_unit(across(s, n));
             const double a = angle_at(s, n, 0), b = angle_at(s, n, 1),
                          angle[3] = {a, b, fmax(M_PI - a - b, 0)};
@@ -174,6 +179,7 @@ static void find_normals(const mesh_surface *s, vec3 *normal)
             }
         }
     for (size_t v = 0; v < m->m.vertex_count; v++) normal[v] = vec3_unit(normal[v]);
+    return may_go_on(pool, e);
 }
 
 static sym3 sym3_axpy(double a, sym3 m, sym3 to)
@@ -213,12 +219,12 @@ static sym3 normal_gradient(const mesh_surface *s, size_t n, vec3 cross)
 
 /* Shape operators of the vertices: means over the incident triangles, weighted by area. On a one-sided
  * patch the sign is that of the vertex normal. */
-static bool find_shapes(mesh_surface *s, error *e)
+static bool find_shapes(mesh_surface *s, const threads *pool, error *e)
 {
     const mesh *m = &s->mesh.m;
     double *weight = mem_array(m->vertex_count, sizeof *weight, what, e);
     if (!weight) return false;
-    for (size_t n = 0; n < m->triangle_count; n++) {
+    for (size_t n = 0; n < m->triangle_count && !threads_stopped(pool); n++) {
         const uint32_t *t = m->triangle[n];
         const vec3 cross = across(s, n);
         double longest2 = 0, area = vec3_norm(cross);
@@ -237,12 +243,7 @@ static bool find_shapes(mesh_surface *s, error *e)
         if (weight[v] > 0)
             s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->at[v].normal);
     free(weight);
-    return true;
-}
-
-static bool may_go_on(const threads *pool, error *e)
-{
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return may_go_on(pool, e);
 }
 
 /* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the
@@ -262,7 +263,7 @@ static bool smooth_shapes(mesh_surface *s, double longest, threads *pool, error 
             sum[v] = s->shape[v];
             weight[v] = 1;
         }
-        for (size_t n = 0; n < m->triangle_count; n++)
+        for (size_t n = 0; n < m->triangle_count && !threads_stopped(pool); n++)
             for (int k = 0; k < 3 && !is_one_sided(s, n); k++)
                 for (int other = 1; other < 3; other++) {
                     const uint32_t to = m->triangle[n][k], from = m->triangle[n][(k + other) % 3];
@@ -279,10 +280,10 @@ static bool smooth_shapes(mesh_surface *s, double longest, threads *pool, error 
 
 /* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of
  * one triangle. */
-static bool find_sides(mesh_surface *s, error *e)
+static bool find_sides(mesh_surface *s, threads *pool, error *e)
 {
     mesh_edges edges = {0};
-    const bool ok = mesh_edges_list(&s->mesh.m, NULL, &edges, e);
+    const bool ok = mesh_edges_list(&s->mesh.m, pool, &edges, e);
     for (uint32_t v = 0; ok && v < edges.vertex_count; v++)
         for (size_t i = edges.first[v], n; i < edges.first[v + 1]; i += n) {
             n = mesh_edges_width(&edges, v, i);
@@ -817,7 +818,7 @@ static double longest_edge(const mesh *m)
     return sqrt(most);
 }
 
-static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, error *e)
+static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, const threads *pool, error *e)
 {
     const mesh *m = &s->mesh.m;
     const cutting c = {longest, mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
@@ -828,7 +829,8 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
         const piece all = whole_triangle(n);
         const uint32_t *t = m->triangle[n];
         const size_t number = s->cell_count, stored = s->piece_count;
-        if (!cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e) ||
+        if (!may_go_on(pool, e) ||
+            !cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e) ||
             (s->piece_count > stored && !add_divided(s, number, stored, e)))
             return false;
     }
@@ -837,7 +839,7 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, err
 
 /* Refines the triangles where the surface bends, to sides of at most `longest`, then computes the vertex
  * normals. */
-static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, error *e)
+static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, threads *pool, error *e)
 {
     mesh_patches *m = &s->mesh;
     vec3 *normal = NULL;
@@ -849,10 +851,8 @@ static bool make_vertices(mesh_surface *s, double longest, size_t memory_limit, 
     for (int round = 0; ok && changed && round < MOST_ROUNDS; round++) {
         free(normal);
         normal = mem_array(m->m.vertex_count, sizeof *normal, what, e);
-        ok = normal != NULL;
-        if (!ok) break;
-        find_normals(s, normal);
-        ok = mesh_refine(&m->m, normal, longest, most, m->first, m->count, &s->whole, &changed, e);
+        ok = normal && find_normals(s, pool, normal, e) &&
+             mesh_refine(&m->m, normal, longest, most, m->first, m->count, &s->whole, &changed, pool, e);
     }
     s->given.vertex = m->m.vertex;
     if (!s->whole) {
@@ -890,7 +890,7 @@ static bool make_tree_of_trees(mesh_surface *s, error *e)
     return s->trees != NULL;
 }
 
-static bool make_patches(mesh_surface *s, error *e)
+static bool make_patches(mesh_surface *s, const threads *pool, error *e)
 {
     mesh_patches *m = &s->mesh;
     double all = 0;
@@ -911,7 +911,7 @@ static bool make_patches(mesh_surface *s, error *e)
         *p = (patch_field){.base = s->base, .whole = s, .first = first};
         p->base.ops = &patch_ops;
         p->triangles = (mesh){m->m.vertex_count, triangles, m->m.vertex, m->m.triangle + first, false};
-        if (!(p->tree = triangle_tree_new(&p->triangles, e))) return false;
+        if (!(p->tree = triangle_tree_new(&p->triangles, pool, e))) return false;
         const double area = mesh_area(&p->triangles);
         s->patches.patch[k] = (field_patch){&p->base, m->one_sided[k], fmax(area, DBL_MIN)};
         all += area;
@@ -931,14 +931,14 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, threads *
     s->base.cell_size = longest;
     field_set_boundary(&s->base, 0);
     for (size_t k = 0; k < s->mesh.count; k++) s->has_one_sided |= s->mesh.one_sided[k];
-    if (!make_vertices(s, longest, memory_limit, e)) return false;
+    if (!make_vertices(s, longest, memory_limit, pool, e)) return false;
     s->shape = mem_array(m->vertex_count, sizeof *s->shape, what, e);
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     if (!s->shape || !s->at_end || !s->beside) return false;
-    if (!may_go_on(pool, e) || !find_shapes(s, e) || !smooth_shapes(s, longest, pool, e) ||
-        !find_sides(s, e) || !may_go_on(pool, e) || !cut_pieces(s, longest, memory_limit, e) ||
-        !make_patches(s, e))
+    if (!may_go_on(pool, e) || !find_shapes(s, pool, e) || !smooth_shapes(s, longest, pool, e) ||
+        !find_sides(s, pool, e) || !may_go_on(pool, e) || !cut_pieces(s, longest, memory_limit, pool, e) ||
+        !make_patches(s, pool, e))
         return false;
     s->base.patches = &s->patches;
     return true;

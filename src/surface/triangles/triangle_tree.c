@@ -111,7 +111,7 @@ static bbox box_of_piece(const void *context, uint32_t k)
 
 /* Builds the tree of pieces if the boxes of the triangles overlap more than MAX_OVERLAP: nearly every search would test nearly
  * every sliver that is not parallel to an axis. */
-static bool make_pieces(const mesh *m, const char *what, box_tree *out, error *e)
+static bool make_pieces(const mesh *m, const threads *pool, const char *what, box_tree *out, error *e)
 {
     double halves = 0, areas = 0;
     size_t count = 0;
@@ -132,7 +132,7 @@ static bool make_pieces(const mesh *m, const char *what, box_tree *out, error *e
         const triangle t = triangle_of(m, k);
         cut(&t, k, &list);
     }
-    ok = ok && box_tree_make(count, list.centre, box_of_piece, &list, what, out, e);
+    ok = ok && box_tree_make(count, list.centre, box_of_piece, &list, pool, what, out, e);
     for (size_t k = 0; ok && k < count; k++) out->order[k] = list.triangle[out->order[k]];
     free(list.box);
     free(list.triangle);
@@ -140,7 +140,7 @@ static bool make_pieces(const mesh *m, const char *what, box_tree *out, error *e
     return ok;
 }
 
-static bool make(const mesh *m, lazy_tree *out, error *e)
+static bool make(const mesh *m, const threads *pool, lazy_tree *out, error *e)
 {
     static const char what[] = "the tree of a mesh";
     vec3 *centroid = mem_array(m->triangle_count, sizeof *centroid, what, e);
@@ -149,9 +149,9 @@ static bool make(const mesh *m, lazy_tree *out, error *e)
         centroid[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
     }
     const bool ok =
-        centroid && box_tree_make(m->triangle_count, centroid, box_of_triangle, m, what, &out->tree, e);
+        centroid && box_tree_make(m->triangle_count, centroid, box_of_triangle, m, pool, what, &out->tree, e);
     free(centroid);
-    return ok && make_pieces(m, what, &out->pieces, e);
+    return ok && make_pieces(m, pool, what, &out->pieces, e);
 }
 
 triangle_tree *triangle_tree_new_lazy(const mesh *m)
@@ -162,10 +162,10 @@ triangle_tree *triangle_tree_new_lazy(const mesh *m)
     return n;
 }
 
-triangle_tree *triangle_tree_new(const mesh *m, error *e)
+triangle_tree *triangle_tree_new(const mesh *m, const threads *pool, error *e)
 {
     triangle_tree *n = triangle_tree_new_lazy(m);
-    if (make(m, n->lazy, e)) {
+    if (make(m, pool, n->lazy, e)) {
         n->lazy->made = true;
         return n;
     }
@@ -192,7 +192,7 @@ static const lazy_tree *trees_of(const triangle_tree *n)
     if (atomic_load_explicit(&l->made, memory_order_acquire)) return l;
     pthread_mutex_lock(&l->making);
     if (!atomic_load_explicit(&l->made, memory_order_relaxed)) {
-        if (!make(n->mesh, l, NULL)) abort();
+        if (!make(n->mesh, NULL, l, NULL)) abort();
         atomic_store_explicit(&l->made, true, memory_order_release);
     }
     pthread_mutex_unlock(&l->making);
@@ -395,7 +395,7 @@ triangle_forest *triangle_forest_new(const triangle_tree *const *tree, size_t co
         n->tree[k] = tree[k];
         middle[k] = vec3_scale(vec3_add(tree[k]->box.min, tree[k]->box.max), 0.5);
     }
-    ok = ok && box_tree_make(count, middle, box_of_tree, n->tree, what, &n->boxes, e);
+    ok = ok && box_tree_make(count, middle, box_of_tree, n->tree, NULL, what, &n->boxes, e);
     free(middle);
     if (ok) return n;
     triangle_forest_free(n);

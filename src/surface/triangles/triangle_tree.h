@@ -9,14 +9,15 @@
 #define HEXAD_SURFACE_TRIANGLES_TRIANGLE_TREE_H
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "geometry/mesh/mesh.h"
 #include "geometry/space/triangle.h"
 
 typedef struct triangle_tree triangle_tree;
 
-/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. NULL:
- * limit_memory. */
-triangle_tree *triangle_tree_new(const mesh *m, error *e);
+/* Builds the tree. `m` has at least one triangle; it is not owned and outlives the tree. `pool`
+ * may be NULL; only its flag is used. NULL: limit_memory, cancelled. */
+triangle_tree *triangle_tree_new(const mesh *m, const threads *pool, error *e);
 /* A tree that is built at the first search: for the parts of a divided mesh, most of which may never be
  * searched. Use it for small meshes only (mesh_faces: up to 65 536 triangles, about 2 MB, slivers 32 MB): a search returns
  * no error, so that the process is aborted if memory is out at the first search. */

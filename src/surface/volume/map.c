@@ -149,7 +149,7 @@ map *map_of_vertices(const mesh_file *file, const char *name, int component, mes
     const bool ok = mesh_file_read_values(file, &m->triangles, &values, notes, e) &&
                     mesh_values_find(&values, name, &which, e) &&
                     take_component(m, &values.head[which], values.value[which], component, e) &&
-                    (m->tree = triangle_tree_new(&m->triangles, e));
+                    (m->tree = triangle_tree_new(&m->triangles, NULL, e));
     mesh_values_free(&values);
     if (ok) return m;
     error_prefix(e, "%s", file->path);

@@ -122,7 +122,7 @@ static bool build_tree(merging *m, error *e)
         centre[k] = vec3_scale(vec3_add(from, to), 0.5);
         m->segments_of[s->from][0] = m->segments_of[s->to][1] = k;
     }
-    ok = ok && box_tree_make(m->segment_count, centre, box_of_segment, m, what, &m->tree, e);
+    ok = ok && box_tree_make(m->segment_count, centre, box_of_segment, m, NULL, what, &m->tree, e);
     for (uint32_t k = 0; ok && k < m->segment_count; k++) m->at[m->tree.order[k]] = k;
     free(centre);
     return ok;
