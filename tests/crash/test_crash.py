@@ -266,7 +266,8 @@ def test_a_removal_is_on_disk_before_the_queue_ends_the_attempt(supervision, bui
     daemon.spawn(record)
     with daemon.supervisor:
         assert daemon.await_served()
-        job = book.submit(daemon, farm.spec("killed", sampling={"time_s": 3600}, limits={"max_attempts": 1}))
+        endless = {"max_sweeps": 1000000, "step_tolerance": 1e-12, "energy_tolerance": 1e-12}
+        job = book.submit(daemon, farm.spec("killed", count=20000, solver=endless, limits={"max_attempts": 1}))
         farm.wait_until(daemon.workers, "the worker")
         kills.kill_all(daemon.workers())
         book.settle(daemon)
