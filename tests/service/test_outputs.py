@@ -226,7 +226,7 @@ def test_frames_have_one_scale_from_the_spec_alone(build, tmp_path, bounded):
     """Without bounds of the spacing there is none, and frames are shaded."""
     bounds = {"min_spacing": 0.05, "max_spacing": 0.4} if bounded else {}
     spec = json.dumps({"version": 1, "surface": GRADED_ELLIPSOID, "sampling": {"count": 300, "curvature": {"ratio": 3}, **bounds},
-                       "output": {"preview": {"size": 128}},
+                       "output": {"preview": {"size": 128}, "preview_exr": True},
                        "queue": {"frames": "1-2", "by_frame": {"/surface/analytic/radii": [[1, 0.8, 0.5], [2, 1.6, 1]]}}})
     found = []
     for frame in ("1", "2"):
