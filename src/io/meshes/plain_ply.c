@@ -63,6 +63,7 @@ static bool read_vertices(ply_rows *r, ply_textures *t, plain_mesh *out)
         return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED,
                                  "the vertices of the PLY file have no x or no y. Save it with x, y and z.");
     if (!plain_mesh_expect(out, expected_rows(r), 0)) return false;
+    out->is_binary = r->layout != PLY_TEXT;
     for (; r->row < element->count; r->row++) {
         double at[5] = {0, 0, 0, 0, 0};
         out->vertex_at = r->layout == PLY_TEXT ? r->at + strspn(r->at, " \t\r\n") : r->at;
