@@ -183,9 +183,9 @@ def test_a_folder_is_not_called_a_result(sample, sample_alone, tmp_path):
 
 
 def test_an_accepted_outcome_counts_as_converged(sample, sample_alone, tmp_path):
-    """So few points do not represent the ellipsoid."""
+    """A solve that is stopped after two sweeps has not converged."""
     ellipsoid(tmp_path / "needle.obj", 10, 1, 0.05)
-    words = ("needle.obj", "--count", 30)
+    words = ("needle.obj", "--count", 30, "--set", "/solver/max_sweeps=2")
     strict = "--set", '/queue/accept=["converged"]'
     code = sample_alone(*words, "--output", "plain", code=(10, 11)).returncode
     sample_alone(*words, "--output", "strict", "--accept", *strict, code=(code,))
