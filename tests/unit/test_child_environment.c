@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/core/child_environment.h"
 
@@ -37,8 +38,9 @@ static bool has(char **environment, const char *variable)
 static void test_the_environment_has_the_listed_variables_only(void **state)
 {
     char own[] = "TRACEPARENT=of-the-job";
+    char **host = environ; /* cmocka reads it */
     (void)state;
-    assert_int_equal(clearenv(), 0);
+    environ = NULL;
     set(passed, COUNT(passed));
     set(kept, COUNT(kept));
     set(of_slurm, COUNT(of_slurm));
@@ -53,13 +55,16 @@ static void test_the_environment_has_the_listed_variables_only(void **state)
         assert_int_equal(has(made, own), !k);
         free(made);
     }
+    environ = host;
 }
 
 static void test_a_process_without_an_environment_passes_none(void **state)
 {
+    char **host = environ;
     (void)state;
-    assert_int_equal(clearenv(), 0);
+    environ = NULL;
     char **made = child_environment_new(CHILD_ENVIRONMENT_OF_SLURM, NULL);
+    environ = host;
     assert_null(*made);
     free(made);
 }
