@@ -288,8 +288,8 @@ def measure(mesh, table, one_sided):
         piece[i] = mesh.piece[d.argmin()]
         on = np.flatnonzero(d <= d.min() + ON * h[i])
         own = np.array([[table[n][i] for n in ("nx", "ny", "nz")]], float)
-        creased = on_curve[i] and (mesh.normal[on] @ mesh.normal[on].T).min() < CREASE
-        normals.append(mesh.normal[on] if creased else own)
+        has_divergent_normals = on_curve[i] and (mesh.normal[on] @ mesh.normal[on].T).min() < CREASE
+        normals.append(mesh.normal[on] if has_divergent_normals else own)
         if on_curve[i]:
             angle[i], border[i] = angle_at(mesh, x[i], on, h[i])
     most = max(len(n) for n in normals)

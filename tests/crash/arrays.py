@@ -382,7 +382,7 @@ def finish(records):
 
 
 def run(build, where, times, seed, say, new_daemon=Daemon):
-    """At least so many kills; the figures. Raises Violation with the seed and the place."""
+    """At least that number of kills; the figures. Raises Violation with the seed and the place."""
     figures = {"kills": 0, "kills while a start completed changes": 0, "data sets": 0, "waiting arrays": 0,
                "changes": {action: dict.fromkeys(("answered", "undone", "completed", "restored"), 0) for action in ACTIONS}}
     moments, done = Moments(), 0

@@ -154,7 +154,7 @@ def try_state(daemon, build, databases, moments, rng, figures):
 
 
 def run(build, where, times, seed, say, new_daemon=Daemon):
-    """At least so many kills, over states of all builds in turn; the figures. Raises Violation with the seed and the place."""
+    """At least that number of kills, over states of all builds in turn; the figures. Raises Violation with the seed and the place."""
     figures = {"kills": 0, "kills before the service was ready": 0, "states": dict.fromkeys(BUILDS, 0)}
     databases, moments, done = make_databases(where / "databases"), Moments(), 0
     while figures["kills"] < times:

@@ -2,7 +2,7 @@
 """Blocks of shell of a page, and what the page shows of their output."""
 import re
 
-NUMBER_OR_NAME = r".*"  # what `...` in an output stands for
+NUMBER_OR_NAME = r".*"  # the text that `...` in an output replaces
 
 
 def blocks(page):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file of a result, or an upload, of which a byte has changed: each consumer finds it, and what helps does help."""
+"""A byte of a result or of an upload has changed: each consumer finds it, and what helps does help."""
 import hashlib
 import json
 import pathlib

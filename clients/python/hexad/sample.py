@@ -467,7 +467,7 @@ def is_common(surface: Surface, fault: Exception) -> bool:
 
 
 class Batch:
-    """The calls of `sample_many`, of which some run at a time."""
+    """The calls of `sample_many`; some of them run at a time."""
 
     def __init__(self, surfaces: list[Surface], count: int, keywords: dict[str, Any]) -> None:
         self.surfaces, self.made = surfaces, Samples(len(surfaces), count)

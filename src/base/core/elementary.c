@@ -235,7 +235,7 @@ ISA_INLINE double second_order(double x)
     return x * x * POLYNOMIAL(EXPONENTIAL, x);
 }
 
-/* e^x, of which the error before the last rounding is at most 1/8 of a unit in the last place. */
+/* e^x. The error before the last rounding is at most 1/8 of a unit in the last place. */
 ISA_INLINE double exponential(double_double x)
 {
     const reduced_exponent e = reduce_exponent(x);

@@ -152,7 +152,7 @@ static const char *find_pattern(const char *path, size_t *length, int *digits)
     return NULL;
 }
 
-/* The next place of the same notation, which stands for the same number; NULL: there is none. */
+/* The next place of the same notation, for the same number; NULL: there is none. */
 static const char *find_same(const char *path, const char *notation, size_t length)
 {
     size_t own;

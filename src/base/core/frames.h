@@ -3,7 +3,7 @@
  *
  * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 ..
  * 999999999, each at most once. In a path the first `####` (the number of # is the minimum number of digits),
- * `%04d` (`%d`) or `$F4` (`$F`) stands for the number, and so does the same notation behind it. Pure functions, any thread.
+ * `%04d` (`%d`) or `$F4` (`$F`) is replaced by the number, and each repetition of the same notation behind it. Pure functions, any thread.
  */
 #ifndef HEXAD_BASE_CORE_FRAMES_H
 #define HEXAD_BASE_CORE_FRAMES_H

@@ -27,8 +27,8 @@ static const double WITHIN_JUMP = 0.1;
 /* The surface follows the samples beside a jump, not the object, if in more than this fraction of the cells the samples on
  * one side are RATIO times as large as on the other. For distances it is 0.03, at the edges of fogs up to 0.22. */
 static const double ONE_SIDED = 0.3;
-/* Number of cells of which that is computed; and the least number of cells: on fewer, equal distances from the centre of a
- * small symmetric body decide the share. */
+/* Maximum number of cells that are examined for ONE_SIDED, and the minimum: on fewer cells the share depends on the symmetry of
+ * a small body. */
 enum { EXAMINED = 65536, ENOUGH = 1000 };
 /* Ratio of a sample and its bound, above which it counts as limited: smaller changes do not affect curvature much. */
 static const float JUMP = 2;

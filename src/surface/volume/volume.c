@@ -527,7 +527,7 @@ static void warn_of_limits(volume *v)
 enum { EDGE_PLACES = 7 };
 /* Distance, in voxels, of the places beside a kink whose gradients are compared: the spline rounds the kink. */
 static const double BESIDE_KINK = 1.5;
-/* Maximum cosine of the gradients on both sides of a wall, as of opposite walls in measures. Near a sharp edge of the
+/* Maximum cosine of the gradients on both sides of a wall, the bound of opposite walls in the measures. Near a sharp edge of the
  * surface lines have kinks, too. */
 static const double OPPOSITE = -0.4;
 
