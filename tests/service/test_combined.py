@@ -545,7 +545,7 @@ def test_a_region_of_a_combination(sample):
 def test_points_on_new_places_find_their_rest(sample):
     """Between two spheres that touch all but for a hair particles leave the surface and are put elsewhere: the others make room."""
     pair = {"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.6495, 0.5, 0.5))]}
-    report, _ = sample(pair, sampling={"count": 300}, solver={"threads": 1, "seed": 4})
+    report, _ = sample(pair, sampling={"count": 1200}, solver={"threads": 1, "seed": 4})
     assert report["quality"]["removed_offsurface"] > 0
     assert report["diagnostics"]["step_left"] <= report["spec"]["solver"]["step_tolerance"]
     assert report["outcome"] == "converged"  # both spheres are covered, and points at the contact are on opposite walls
