@@ -166,8 +166,8 @@ class Answer:
 class Client:
     """One connection that is kept. What met a connection that was closed is sent again."""
 
-    def __init__(self, address, token=None):
-        self.address, self.token, self.connection = address, token, None
+    def __init__(self, address, token=None, patience_s=PATIENCE_S):
+        self.address, self.token, self.patience_s, self.connection = address, token, patience_s, None
 
     def close(self):
         if self.connection:
@@ -184,7 +184,7 @@ class Client:
         for again in (False, True):
             fresh = self.connection is None
             if fresh:
-                self.connection = http.client.HTTPConnection(*self.address, timeout=PATIENCE_S)
+                self.connection = http.client.HTTPConnection(*self.address, timeout=self.patience_s)
             try:
                 self.connection.request(method, path, body, headers)
                 reply = self.connection.getresponse()

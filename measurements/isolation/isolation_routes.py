@@ -48,7 +48,7 @@ LONG_BYTES = 16 << 20  # of a result, and of an upload
 BACKLOG = 50000  # events
 FRAMES, WITH_RESULT = 100000, 500  # of the array
 WRITES, NEEDS = 32, 1000  # calls at once; jobs in depends_on and in after
-WRITE_GOAL_MS = 300
+WRITE_GOAL_MS, WRITE_PATIENCE_S = 300, 1800
 STREAM_BYTES = 1 << 20  # of a stream, after which the client closes it and begins again
 ROUTES_COLUMNS = ["row", "answers_per_s", "echo_p99_ms", "healthz_p99_ms", "status_p99_ms", "post_p99_ms", "goals"]
 WRITES_COLUMNS = ["row", "answers", "seconds", "echo_p99_ms", "post_number", "post_p99_ms", "post_longest_ms", "goal"]
@@ -369,7 +369,7 @@ def send_all(address, token, calls, pipe):
     be_last()
 
     def send(call):
-        client = Client(address, token)
+        client = Client(address, token, WRITE_PATIENCE_S)
         answer = client.ask(*call, headers={"Content-Type": "application/json"} if call[2] else None)
         client.close()
         return answer.status, answer.json.get("id") if answer.status == 201 else answer.body[:200].decode()
@@ -393,10 +393,12 @@ def writes(options, base):
             sender = multiprocessing.Process(target=send_all, args=(scene.daemon.address, scene.tokens["submitter"], calls, far))
             sender.start()
             times, began, measured.faults = collections.defaultdict(list), time.monotonic(), []
-            while not near.poll():
+            while not near.poll() and sender.is_alive():
                 measured.timed(times, "echo", measured.beat)
                 measured.timed(times, "POST", measured.submit, 201)
                 time.sleep(PAUSE_S)
+            if not near.poll(1):
+                raise RuntimeError(f"{title}: the sender has failed")
             answers, seconds = near.recv(), time.monotonic() - began
             sender.join()
             scene.made = [made for status, made in answers if status == 201]
