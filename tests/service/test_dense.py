@@ -360,6 +360,17 @@ def test_jumps_on_the_surface_are_unresolved(sample, tmp_path):
         assert "no_data" in told["ringing"] and "reconstruction" in told["ringing"], name
 
 
+@pytest.mark.parametrize("offset", (0, 0.02, 0.5))
+def test_faces_between_and_on_samples_are_no_jumps(sample, tmp_path, offset):
+    """Distances of a box whose faces are parallel to the layers of samples, and such distances as whole numbers."""
+    index = numpy.stack(numpy.meshgrid(*map(numpy.arange, (30, 28, 32)), indexing="ij"), -1) - numpy.array((15, 14, 16)) - offset
+    distance = 9 - abs(index).max(axis=-1)
+    for values, isovalue in ((distance, 0), (numpy.round(9 - numpy.linalg.norm(index, axis=-1)), 0)):
+        write_nrrd(tmp_path / "v.nrrd", values.astype("f4"))
+        report, _ = sample(tmp_path / "v.nrrd", isovalue=isovalue)
+        assert "ringing" not in [r["criterion"] for r in report["outcome_reasons"]], report["outcome_reasons"]
+
+
 def test_no_data_is_outside(sample, tmp_path):
     values, area = balls()
     for value in (-9999, 1e31, 3000):

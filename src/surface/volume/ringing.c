@@ -24,9 +24,11 @@ static const double IGNORED = 0.01;
 /* The surface passes through the jump itself, so that limits would move it, if more than this fraction of its cells has a
  * sample beyond the bound. */
 static const double WITHIN_JUMP = 0.1;
-/* The surface follows the samples beside a jump, not the object, if in more than this fraction of the cells the samples on
- * one side are RATIO times as large as on the other. For distances it is 0.03, at the edges of fogs up to 0.22. */
-static const double ONE_SIDED = 0.3;
+/* The surface follows the samples beside a jump, not the object, if in more than the fraction ONE_SIDED of the cells the samples
+ * on one side are RATIO times as large as on the other, and F bends there by more than BEND times the larger ones, as where a
+ * ramp ends. The fraction is at least 0.4 at the edges of clipped ramps of up to two voxels, at most 0.31 for boxes with faces on
+ * layers of samples and for distances as whole numbers, and 0.02 for other bodies. */
+static const double ONE_SIDED = 0.35, BEND = 1.25;
 /* Maximum number of cells that are examined for ONE_SIDED, and the minimum: on fewer cells the share depends on the symmetry of
  * a small body. */
 enum { EXAMINED = 65536, ENOUGH = 1000 };
@@ -119,7 +121,26 @@ static bool is_crossed_within(const float *first)
     return inside > 0 && inside < 8;
 }
 
-double ringing_one_sided(const crossed_cells *cells)
+/* Whether F bends at the corners of one side, by the mean of the sum of its second differences. Distances bend by 2 over the
+ * radius, planes do not, wherever they lie between the samples. */
+static bool bends(const coefficient_blocks *b, const crossed_cell *c, bool inside, double large)
+{
+    enum { SLAB = COEFFICIENT_BLOCK_SLAB, ROW = COEFFICIENT_BLOCK_SIDE };
+    const int at[3] = {c->at[0] & 7, c->at[1] & 7, c->at[2] & 7};
+    float buffer[COEFFICIENT_BLOCK_CELL];
+    const float *first = coefficient_blocks_find_cell(b, c->block, at, buffer);
+    double sum = 0;
+    int count = 0;
+    for (int k = 0; k < 8; k++) {
+        const float *f = first + (1 + (k & 1)) * SLAB + (1 + (k >> 1 & 1)) * ROW + 1 + (k >> 2);
+        if ((c->value[k] < 0) != inside) continue;
+        sum += (double)(f[SLAB] + f[-SLAB] + f[ROW] + f[-ROW] + f[1] + f[-1] - 6 * f[0]);
+        count++;
+    }
+    return fabs(sum) > BEND * large * count;
+}
+
+double ringing_one_sided(const coefficient_blocks *b, const crossed_cells *cells)
 {
     const size_t step = cells->count / EXAMINED + 1;
     size_t found = 0, all = 0;
@@ -128,7 +149,8 @@ double ringing_one_sided(const crossed_cells *cells)
         double below, above;
         crossed_cells_get(cells, k, &c);
         largest_of(c.value, &below, &above);
-        found += fmax(below, above) > RATIO * fmin(below, above);
+        const double large = fmax(below, above), small = fmin(below, above);
+        found += small > 0 && large > RATIO * small && bends(b, &c, below < above, large);
         all++;
     }
     const double share = all < ENOUGH ? 0 : (double)found / (double)all;
@@ -147,7 +169,7 @@ double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, bo
         float buffer[COEFFICIENT_BLOCK_CELL];
         largest_of(c->value, &below, &above);
         const double range = range_around(b, c->at), own = fmax(below, above);
-        *certain |= range > CERTAIN_RATIO * own;
+        *certain |= own > 0 && range > CERTAIN_RATIO * own;
         found +=
             range > RATIO * own && is_crossed_within(coefficient_blocks_find_cell(b, c->block, at, buffer));
     }

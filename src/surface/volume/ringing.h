@@ -23,8 +23,8 @@
 double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, bool *certain);
 
 /* The fraction of the cells in which the samples of one side are many times as large as those of the other, as beside a
- * plateau next to the isovalue; 0 if it is at most 0.3, or of fewer than 1000 cells. `cells`: with F at their corners. */
-double ringing_one_sided(const crossed_cells *cells);
+ * plateau next to the isovalue, and F bends there; 0 if it is at most 0.35, or of fewer than 1000 cells. `cells`: with F at their corners. */
+double ringing_one_sided(const coefficient_blocks *b, const crossed_cells *cells);
 
 /* Samples that were limited by more than a half: bits of 8 words for each block of the map of the cells, as in samples.h. */
 typedef struct ringing_limits {

@@ -446,7 +446,7 @@ static bool add_hidden_crossings(loading *l, volume *v, error *e)
     if (ok && l->kind != GRID_VIEW_LEVEL_SET && !l->smooth) {
         v->info.ringing = ringing_share(&v->coefficients, &v->cells, &l->rings);
         l->rings |= v->info.ringing > 0;
-        v->info.ringing = fmax(v->info.ringing, ringing_one_sided(&v->cells));
+        v->info.ringing = fmax(v->info.ringing, ringing_one_sided(&v->coefficients, &v->cells));
     }
     v->base.joined = found.joined;
     v->hidden_crossing = found.passed;
