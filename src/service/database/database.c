@@ -29,7 +29,7 @@
 /* At a start, wait this long for another program (sqlite3) that reads the database. */
 #define OPEN_PATIENCE_MS 5000
 /* More than the number of statements in the program. */
-#define STATEMENTS 128
+#define STATEMENTS 256
 
 /* The memory that a reader keeps for pages, in KiB (negative: SQLite's unit). The kernel keeps the pages,
  * too. */

@@ -369,12 +369,13 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
                                                           frame, s->fence->attempt, now, e);
 }
 
-/* In an ordered job, ends the tasks after one that did not succeed: they have no result to start from. */
+/* In an ordered job, ends the tasks after one that did not succeed: they have no result to start from. Those of a
+ * cancelled job are cancelled, perhaps in pieces. */
 static bool end_followers(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     char message[128];
-    if (!j->ordered || s->back || x->state == QUEUE_SUCCEEDED) return true;
+    if (!j->ordered || j->cancelled || s->back || x->state == QUEUE_SUCCEEDED) return true;
     if (x->error_code && strcmp(x->error_code, error_code_name(ERROR_NO_SURFACE)) == 0) return true;
     snprintf(message, sizeof message,
              "this frame starts with the points of frame %d, which is %s: retry the job", frame,

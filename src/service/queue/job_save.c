@@ -121,7 +121,8 @@ static bool update_dependent(database *d, job_state *j, int64_t now, error *e)
     job_state before = *j;
     int64_t lost = 0;
     if (!job_state_count_needs(d, j, &j->pending, &lost, e)) return false;
-    if (lost && j->target == JOB_STATE_NO_TARGET && !pieces_fail_dependent(d, j, lost, now, e)) return false;
+    const bool may_fail = j->target == JOB_STATE_NO_TARGET || j->target == QUEUE_QUEUED;
+    if (lost && may_fail && !pieces_fail_dependent(d, j, lost, now, e)) return false;
     return save_one(d, &before, j, now, e);
 }
 

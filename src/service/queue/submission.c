@@ -313,9 +313,12 @@ static bool check_dependencies(database *d, submitting *s, error *e)
 {
     int64_t kept = 0;
     return !s->dependencies ||
-           (database_read_integer(
-                d, ASK(d, e, "SELECT count(*) FROM dependency WHERE job = ?1", integer(s->job.seq)), &kept,
-                e) &&
+           (database_read_integer(d,
+                                  ASK(d, e,
+                                      "SELECT count(*) FROM dependency JOIN job ON job.seq = needs"
+                                      " WHERE dependency.job = ?1 AND job.tasks > 0",
+                                      integer(s->job.seq)),
+                                  &kept, e) &&
             (kept == s->dependencies || check_needs(d, s, &s->refused, e)));
 }
 
@@ -404,7 +407,7 @@ static bool store(submitting *s, error *e)
     if (!run(s, begin, NULL, e)) return false;
     bool ok = true;
     while (ok && !s->refused && s->next < s->items) ok = run(s, go_on, s->owner, e);
-    if (ok && !s->refused && !s->published) ok = run(s, complete, NULL, e);
+    if (ok && !s->refused && !s->published) ok = s->published = run(s, complete, NULL, e) && s->published;
     if (!s->published && s->job.seq && run(s, abandon, NULL, NULL)) queue_delete_hidden(s->q, &more, NULL);
     return ok;
 }
@@ -472,13 +475,14 @@ bool queue_put(queue *q, const queue_submission *in, queue_receipt *receipt, err
 bool queue_has_key(queue *q, const char *owner, const char *key, bool *found, error *e)
 {
     int64_t seq = 0;
+    /* the entry first: when it is gone, the job is in the database */
+    pthread_mutex_lock(&q->storing);
+    const bool stores = find_entry(q, owner, key);
+    pthread_mutex_unlock(&q->storing);
     database *d = database_begin_read(q->database);
     bool ok = database_read_integer(
         d, ASK(d, e, "SELECT seq FROM job WHERE owner = ?1 AND key = ?2", text(owner), text(key)), &seq, e);
     database_end_read(d);
-    pthread_mutex_lock(&q->storing);
-    const bool stores = find_entry(q, owner, key);
-    pthread_mutex_unlock(&q->storing);
     if (ok) *found = seq != 0 || stores;
     return ok;
 }
