@@ -474,12 +474,16 @@ bool store_inputs_compare(const char *directory, void (*look)(void *context, con
 void store_inputs_discard_damaged(store_inputs *s, const char *name)
 {
     struct stat read, now;
+    char found[STORE_HASH_SIZE];
+    uint64_t bytes;
     const char *hex = name + strlen(STORE_INPUT_PREFIX);
     char *path = path_of(s, hex);
-    int fd = open_damaged(path, hex);
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+    /* a file that cannot be read may be readable again soon */
+    const bool differs = fd >= 0 && store_file_hash(fd, found, &bytes, NULL) && strcmp(found, hex) != 0;
     pthread_mutex_lock(&s->mutex);
     /* a file that was sent again in the meantime is another one */
-    bool gone = fd >= 0 && fstat(fd, &read) == 0 && lstat(path, &now) == 0 && now.st_ino == read.st_ino &&
+    bool gone = differs && fstat(fd, &read) == 0 && lstat(path, &now) == 0 && now.st_ino == read.st_ino &&
                 unlink(path) == 0;
     if (gone) {
         s->used_bytes -= now.st_size;
