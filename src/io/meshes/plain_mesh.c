@@ -177,7 +177,10 @@ static bool read_as(const char *ending, const char *data, size_t size, plain_mes
 {
     const file_format named = file_format_of_name(ending);
     const mesh_format *format = &readers[named];
-    const size_t mark = strncmp(data, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0; /* of UTF-8 */
+    const size_t mark = strncmp(data, "\xEF\xBB\xBF", 3) == 0 &&
+                                (named != FILE_FORMAT_STL || strncmp(data + 3, "solid", 5) == 0)
+                            ? 3
+                            : 0; /* of UTF-8 */
     data += mark;
     size -= mark;
     if (format->read && format->read(data, size, out) &&

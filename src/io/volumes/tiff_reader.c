@@ -485,8 +485,12 @@ static bool read_description(tiff_file *f)
     char fault[TIFF_FAULT_SIZE];
     if (!TIFFSetSubDirectory(f->tiff, f->offset[0])) return damaged(f, "the first directory is damaged");
     TIFFGetField(f->tiff, TIFFTAG_IMAGEDESCRIPTION, &text);
-    if (TIFFGetField(f->tiff, GDAL_NODATA, &length, &no_data) && length < sizeof f->warnings.no_data)
-        snprintf(f->warnings.no_data, sizeof f->warnings.no_data, "%.*s", (int)length, no_data);
+    if (TIFFGetField(f->tiff, GDAL_NODATA, &length, &no_data) && length < sizeof f->warnings.no_data) {
+        char number[sizeof f->warnings.no_data], *end;
+        snprintf(number, sizeof number, "%.*s", (int)length, no_data);
+        const double value = strtod(number, &end);
+        if (end != number) snprintf(f->warnings.no_data, sizeof f->warnings.no_data, "%.9g", value);
+    }
     if (!tiff_describe(text ? text : "", &f->description, &f->warnings, fault))
         return refuse(f, ERROR_INPUT_UNSUPPORTED, "%s", fault);
     find_contiguous(f);
