@@ -111,7 +111,7 @@ def test_a_log_that_held_the_whole_database(build, tmp_path):
 
 
 def test_faults(supervision, build, tmp_path, diagnose):
-    figures = faults.run(build, tmp_path, SEED, diagnose, every=80)
+    figures = faults.run(build, tmp_path, SEED, diagnose, every=60)
     assert figures["faults"] > 10 and any("went on" in row for row in figures["table"].values())
 
 

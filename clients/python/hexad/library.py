@@ -223,7 +223,7 @@ class Runs:
     def __init__(self) -> None:
         self.stopped = False
         self.active: set[Run] = set()  # whose threads have begun
-        self.ended: queue.SimpleQueue[Run] = queue.SimpleQueue()
+        self.ended: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     def wait(self) -> None:
         """Waits for the end of a run, or a tick."""
@@ -277,7 +277,7 @@ class Run:
             self.has_ended = True
             self.runs.active.discard(self)
             active.discard(self)
-            self.runs.ended.put(self)
+            self.runs.ended.put(None)
 
     def check(self) -> None:
         self.job.check(self.result, self.error)
