@@ -34,7 +34,7 @@ enum { WALL_LEVELS = 12, WALL_LEVELS_WITHIN = 1 };
 
 /* Voxels of a level set along the spacing of the points, if it is a part of a combination, whose cells are as small as the
  * smallest voxel of a part: 60 points on two octahedra took 14 s of CPU time with 256 voxels along the longest sides. */
-static const double VOXELS_PER_SPACING = 8;
+static const double VOXELS_PER_SPACING = 16;
 
 /* Checks that an uploaded file has the hash that is its name. */
 static bool check_upload(const source_input *input, error *e)
