@@ -41,7 +41,7 @@ def test_a_torus_that_stands_still_or_spins_moves_nobody():
 
 
 def test_a_measure_that_misses_is_told(tmp_path):
-    good = {"frame": 2, "count": 9, "hex": 0.95, "area_cv": 0.02, "born": 0, "died": 0, "sweeps": 1, "median": 0.01,
+    good = {"frame": 2, "count": 9, "hex": 0.95, "area_cv": 0.02, "born": 0, "died": 0, "sweeps": 1, "kept": 1, "processor_s": 0.5, "median": 0.01,
             "p95": 0.1}
     assert sequence.is_good({}, good) and sequence.is_good({}, {**good, "median": None})
     for bad in ({"hex": 0.9}, {"median": 0.11}):
