@@ -172,7 +172,7 @@ def test_readers_see_of_the_jobs_of_others_what_the_list_says(closed_service, tm
     service.start("--worker", worker)
     alice, bob = new_token(service, "alice"), new_token(service, "bob", "--scopes", "read")
     spec = sphere(name="shown", queue={"labels": ["seen"], "priority": 3, "retention_s": 4711},
-                  limits={"memory_mb": 100, "max_attempts": 7}, solver={"threads": 1}, outcome={"require": {"hex_fraction": 0.123}})
+                  limits={"memory_mb": 100, "max_attempts": 7}, solver={"threads": 1}, outcome={"require": {"hex_fraction": 0.12345}})
     headers = {"traceparent": "00-" + "4" * 32 + "-" + "5" * 16 + "-01"}
     job = with_token(service, alice, "POST", "/v1/jobs", spec, **headers).json["id"]
     paths = ["/v1/jobs", f"/v1/jobs/{job}", "/v1/workers", "/v1/events?after=0&all=1&limit=500", "/metrics"]
@@ -187,7 +187,7 @@ def test_readers_see_of_the_jobs_of_others_what_the_list_says(closed_service, tm
     service.open_gate(job)
     wait_until(lambda: "MARKER.vdb" in texts(alice)[1], "the end")
     for text in running + texts(bob):
-        assert not [word for word in ("MARKER", "4711", "4" * 32, "0.123", "exit status") if word in text], text
+        assert not [word for word in ("MARKER", "4711", "4" * 32, "0.12345", "exit status") if word in text], text
     own, seen = (with_token(service, token, "GET", f"/v1/jobs/{job}").json for token in (alice, bob))
     shown = ("id", "owner", "name", "labels", "links", "state", "paused", "outcome", "revision", "priority", "created", "started",
              "finished", "array", "tasks", "attempt", "threads", "memory_mb")
