@@ -644,6 +644,14 @@ void database_wake_on_change(database *d, runner_task *t)
     d->woken[d->woken_count++] = t;
 }
 
+void database_wake_no_more(database *d, const runner_task *t)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < d->woken_count; i++)
+        if (d->woken[i] != t) d->woken[kept++] = d->woken[i];
+    d->woken_count = kept;
+}
+
 /* ---- opening */
 
 /* Creates the directory of copies and removes the files that a killed process left there. */

@@ -131,6 +131,8 @@ void database_reserve(database *d, int64_t bytes);
 /* Stored changes and database_signal wake the task. Call it before other threads use the database. */
 void database_wake_on_change(database *d, runner_task *t);
 void database_signal(database *d);
+/* Ends that, before the task is freed. No other thread uses the database. */
+void database_wake_no_more(database *d, const runner_task *t);
 
 int database_changes(database *d); /* rows that the last RUN changed */
 int64_t database_last_row(database *d);

@@ -64,6 +64,7 @@ struct executor {
     char instance[ULID_SIZE];
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
+    runner_task *pieces; /* NULL: not added */
     meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
@@ -392,6 +393,7 @@ static bool make_places(const executor *x, error *e)
 void executor_free(executor *x)
 {
     if (!x) return;
+    if (x->pieces) queue_wake_no_more(x->place.q, x->pieces);
     if (x->wake_fd >= 0) close(x->wake_fd);
     if (x->drained_fd >= 0) close(x->drained_fd);
     for (size_t i = 0; i < x->settings.input_root_count; i++) free(x->input_roots[i]);
@@ -564,7 +566,8 @@ executor *executor_open(const executor_settings *settings, queue *q, runner *to,
     }
     if (settings->outputs)
         x->redelivery = redelivery_add(to, q, settings->counts, settings->outputs, x->work_dir);
-    queue_wake_on_change(q, runner_add(to, "pieces", do_piece, x));
+    x->pieces = runner_add(to, "pieces", do_piece, x);
+    queue_wake_on_change(q, x->pieces);
     x->retention = retention_add(to, q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd);
     return x;
 }

@@ -123,6 +123,11 @@ void queue_wake_on_change(queue *q, runner_task *t)
     database_wake_on_change(q->database, t);
 }
 
+void queue_wake_no_more(queue *q, const runner_task *t)
+{
+    database_wake_no_more(q->database, t);
+}
+
 static const char *const state_names[QUEUE_STATE_COUNT] = {
     [QUEUE_QUEUED] = "queued",   [QUEUE_BLOCKED] = "blocked",       [QUEUE_PAUSED] = "paused",
     [QUEUE_RUNNING] = "running", [QUEUE_CANCELLING] = "cancelling", [QUEUE_SUCCEEDED] = "succeeded",

@@ -794,6 +794,7 @@ bool queue_end_delivery(queue *q, int64_t number, int64_t wait_ms, error *e);
 /* Stored changes and queue_signal wake the task, whose next step then misses no event. Call it before other
  * threads use the queue. */
 void queue_wake_on_change(queue *q, runner_task *t);
+void queue_wake_no_more(queue *q, const runner_task *t);
 void queue_signal(queue *q);
 
 #endif
