@@ -79,13 +79,15 @@ static void test_growing_keeps_the_elements(void **state)
     uint32_t *array = NULL;
     size_t capacity = 0;
     for (uint32_t n = 0; n < 1000; n++) {
-        assert_non_null(array = mem_grow(array, n, &capacity, sizeof *array, "a test", &e));
+        assert_true(MEM_GROW(array, n, &capacity, "a test", &e));
         array[n] = n;
     }
     assert_int_equal(capacity, 1024);
     for (uint32_t n = 0; n < 1000; n++) assert_int_equal(array[n], n);
     size_t full = SIZE_MAX / 16;
-    assert_null(mem_grow(array, full, &full, sizeof *array, "a test", &e));
+    uint32_t *const before = array;
+    assert_false(MEM_GROW(array, full, &full, "a test", &e));
+    assert_ptr_equal(array, before);
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     assert_int_equal(full, SIZE_MAX / 16);
     free(array);
@@ -107,7 +109,7 @@ static void test_growing_releases_the_old_array(void **state)
     char *array = mem_array(count, 1, "a test", &e);
     memset(array, 7, count);
     const size_t before = peak_bytes();
-    assert_non_null(array = mem_grow(array, count, &capacity, 1, "a test", &e));
+    assert_true(MEM_GROW(array, count, &capacity, "a test", &e));
     assert_int_equal(capacity, 2 * count);
     for (size_t n = 0; n < count; n += 4093) assert_int_equal(array[n], 7);
     assert_int_equal(array[count - 1], 7);

@@ -10,7 +10,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Elements of an array that mem_grow allocates first. */
+/* Elements of an array that MEM_GROW allocates first. */
 enum { FIRST_CAPACITY = 256 };
 
 static void *not_null(void *p)
@@ -163,14 +163,16 @@ static void move_bytes(char *to, char *from, size_t bytes)
     }
 }
 
-void *mem_grow(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e)
+bool mem_make_room(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e)
 {
-    if (count < *capacity) return array;
-    size_t larger = *capacity ? 2 * *capacity : FIRST_CAPACITY;
-    void *moved = mem_array(larger, size, what, e);
-    if (!moved) return NULL;
-    if (count) move_bytes(moved, array, count * size);
-    free(array);
+    if (count < *capacity) return true;
+    const size_t larger = *capacity ? 2 * *capacity : FIRST_CAPACITY;
+    char *old, *moved = mem_array(larger, size, what, e);
+    if (!moved) return false;
+    memcpy(&old, array, sizeof old);
+    if (count) move_bytes(moved, old, count * size);
+    free(old);
+    memcpy(array, &moved, sizeof moved);
     *capacity = larger;
-    return moved;
+    return true;
 }

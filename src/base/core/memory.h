@@ -31,10 +31,14 @@ static inline size_t mem_left(size_t limit, size_t held)
  * the message contains `what`. For a count of 0 the result is not NULL. */
 void *mem_array(size_t count, size_t size, const char *what, error *e);
 
-/* Grows an array of mem_array for one more element. Returns `array` if count < *capacity. Otherwise allocates
- * twice the size, at first 256 elements, moves the elements, frees `array`, and sets *capacity. Error:
- * limit_memory, NULL; `array` is unchanged. */
-void *mem_grow(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e);
+/* Grows an array of mem_array, a pointer in a variable, for one more element. If count == *capacity, its elements
+ * are moved to one of twice the size, at first 256 elements, and *capacity is set. Error: limit_memory, false; the
+ * array is unchanged. */
+#define MEM_GROW(array, count, capacity, what, e) \
+    mem_make_room(&(array), count, capacity, sizeof *(array), what, e)
+
+/* For MEM_GROW. `array`: the address of the pointer. */
+bool mem_make_room(void *array, size_t count, size_t *capacity, size_t size, const char *what, error *e);
 
 /* For a program with large arrays; call it before starting threads. Arrays of 2 MB and more are returned to
  * the kernel when freed, whatever was allocated after them; by default the C library raises this size. The

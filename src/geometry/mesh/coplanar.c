@@ -240,11 +240,9 @@ static bool overlap_in_plane(const cutting *c, uint32_t s, uint32_t t)
 
 static bool push_pair(cutting *c, uint32_t s, uint32_t t, error *e)
 {
-    uint32_t(*pairs)[2] = mem_grow(c->pairs, c->pair_count, &c->pair_room, sizeof *pairs, what, e);
-    if (!pairs) return false;
-    c->pairs = pairs;
-    pairs[c->pair_count][0] = s;
-    pairs[c->pair_count++][1] = t;
+    if (!MEM_GROW(c->pairs, c->pair_count, &c->pair_room, what, e)) return false;
+    c->pairs[c->pair_count][0] = s;
+    c->pairs[c->pair_count++][1] = t;
     return true;
 }
 
@@ -444,15 +442,9 @@ static bool extend_tables(cutting *c, error *e)
 {
     for (; c->children_count < c->l.m->triangle_count; c->children_count++) {
         const size_t n = c->children_count;
-        uint32_t(*children)[2] = mem_grow(c->children, n, &c->children_room, sizeof *children, what, e);
-        if (!children) return false;
-        c->children = children;
-        uint32_t *part_of = mem_grow(c->part_of, n, &c->part_room, sizeof *part_of, what, e);
-        if (!part_of) return false;
-        c->part_of = part_of;
-        bool *turned = mem_grow(c->turned, n, &c->turned_room, sizeof *turned, what, e);
-        if (!turned) return false;
-        c->turned = turned;
+        if (!MEM_GROW(c->children, n, &c->children_room, what, e)) return false;
+        if (!MEM_GROW(c->part_of, n, &c->part_room, what, e)) return false;
+        if (!MEM_GROW(c->turned, n, &c->turned_room, what, e)) return false;
         c->children[n][0] = c->children[n][1] = 0;
     }
     return true;
@@ -632,12 +624,9 @@ static bool push_children(cutting *c, uint32_t s, uint32_t t, error *e)
 
 static bool note_meeting(cutting *c, uint32_t s, uint32_t t, error *e)
 {
-    uint32_t(*meetings)[2] =
-        mem_grow(c->meetings, c->meeting_count, &c->meeting_room, sizeof *meetings, what, e);
-    if (!meetings) return false;
-    c->meetings = meetings;
-    meetings[c->meeting_count][0] = s;
-    meetings[c->meeting_count++][1] = t;
+    if (!MEM_GROW(c->meetings, c->meeting_count, &c->meeting_room, what, e)) return false;
+    c->meetings[c->meeting_count][0] = s;
+    c->meetings[c->meeting_count++][1] = t;
     return true;
 }
 

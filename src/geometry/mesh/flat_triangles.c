@@ -108,12 +108,11 @@ static bool comes_before(entry a, entry b)
 
 static bool push(removing *r, entry added, error *e)
 {
-    entry *heap = mem_grow(r->heap, r->count, &r->room, sizeof *heap, what, e);
-    if (!heap) return false;
-    r->heap = heap;
+    if (!MEM_GROW(r->heap, r->count, &r->room, what, e)) return false;
     size_t k = r->count++;
-    for (; k > 0 && comes_before(added, heap[(k - 1) / 2]); k = (k - 1) / 2) heap[k] = heap[(k - 1) / 2];
-    heap[k] = added;
+    for (; k > 0 && comes_before(added, r->heap[(k - 1) / 2]); k = (k - 1) / 2)
+        r->heap[k] = r->heap[(k - 1) / 2];
+    r->heap[k] = added;
     return true;
 }
 

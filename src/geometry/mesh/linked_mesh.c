@@ -29,14 +29,6 @@ static void unlink_corner(linked_mesh *l, uint32_t c)
     l->degree[v]--;
 }
 
-static bool grow(void **items, size_t count, size_t *room, size_t size, error *e)
-{
-    void *larger = mem_grow(*items, count, room, size, what, e);
-    if (!larger) return false;
-    *items = larger;
-    return true;
-}
-
 bool linked_mesh_begin(mesh *m, linked_mesh *out, error *e)
 {
     linked_mesh l = {.m = m,
@@ -95,12 +87,12 @@ bool linked_mesh_add(linked_mesh *l, const uint32_t corner[3], uint32_t *triangl
     const size_t n = l->m->triangle_count;
     if (n + 1 >= UINT32_MAX / 3)
         return error_set(e, ERROR_INPUT_UNSUPPORTED, "the mesh has too many triangles for 32 bits");
-    if (!grow((void **)&l->m->triangle, n, &l->triangle_room, sizeof *l->m->triangle, e) ||
-        !grow((void **)&l->dead, n, &l->dead_room, sizeof *l->dead, e))
+    if (!MEM_GROW(l->m->triangle, n, &l->triangle_room, what, e) ||
+        !MEM_GROW(l->dead, n, &l->dead_room, what, e))
         return false;
     for (size_t k = 0; k < 3; k++)
-        if (!grow((void **)&l->next, 3 * n + k, &l->next_room, sizeof *l->next, e) ||
-            !grow((void **)&l->previous, 3 * n + k, &l->previous_room, sizeof *l->previous, e))
+        if (!MEM_GROW(l->next, 3 * n + k, &l->next_room, what, e) ||
+            !MEM_GROW(l->previous, 3 * n + k, &l->previous_room, what, e))
             return false;
     memcpy(l->m->triangle[n], corner, sizeof *l->m->triangle);
     l->dead[n] = false;
@@ -115,9 +107,8 @@ bool linked_mesh_add_vertex(linked_mesh *l, vec3 place, uint32_t *vertex, error 
     const size_t n = l->m->vertex_count;
     if (n + 1 >= UINT32_MAX)
         return error_set(e, ERROR_INPUT_UNSUPPORTED, "the mesh has too many vertices for 32 bits");
-    if (!grow((void **)&l->m->vertex, n, &l->vertex_room, sizeof *l->m->vertex, e) ||
-        !grow((void **)&l->head, n, &l->head_room, sizeof *l->head, e) ||
-        !grow((void **)&l->degree, n, &l->degree_room, sizeof *l->degree, e))
+    if (!MEM_GROW(l->m->vertex, n, &l->vertex_room, what, e) ||
+        !MEM_GROW(l->head, n, &l->head_room, what, e) || !MEM_GROW(l->degree, n, &l->degree_room, what, e))
         return false;
     l->m->vertex[n] = place;
     l->head[n] = LINKED_MESH_NONE;

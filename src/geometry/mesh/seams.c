@@ -129,9 +129,7 @@ bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance,
 
 static bool add_cut(cutting *c, cut added, error *e)
 {
-    cut *cuts = mem_grow(c->cuts, c->cut_count, &c->cut_room, sizeof *cuts, what, e);
-    if (!cuts) return false;
-    c->cuts = cuts;
+    if (!MEM_GROW(c->cuts, c->cut_count, &c->cut_room, what, e)) return false;
     c->cuts[c->cut_count++] = added;
     return true;
 }

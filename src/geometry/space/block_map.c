@@ -78,9 +78,7 @@ bool block_map_copy(const block_map *m, block_map *out, error *e)
 /* Returns the number of the new node, or BLOCK_MAP_NONE if memory is exhausted. */
 static uint32_t add_node(block_map *m, const int32_t key[3], error *e)
 {
-    void *nodes = mem_grow(m->nodes, m->node_count, &m->node_room, sizeof *m->nodes, what, e);
-    if (!nodes) return BLOCK_MAP_NONE;
-    m->nodes = nodes;
+    if (!MEM_GROW(m->nodes, m->node_count, &m->node_room, what, e)) return BLOCK_MAP_NONE;
     const size_t slots = (size_t)m->mask + 1;
     if (SLOTS_PER_NODE * (size_t)m->node_count == slots && !make_slots(m, slots, e)) return BLOCK_MAP_NONE;
     /* all entries become BLOCK_MAP_NONE */
@@ -105,9 +103,7 @@ static bool add(block_map *m, const int32_t block[3], error *e)
             e, ERROR_LIMIT_MEMORY,
             "the table of %u blocks of 8^3 voxels takes too much of the memory limit: raise limits.memory_mb",
             m->count);
-    void *blocks = mem_grow(m->blocks, m->count, &m->room, sizeof *m->blocks, what, e);
-    if (!blocks) return false;
-    m->blocks = blocks;
+    if (!MEM_GROW(m->blocks, m->count, &m->room, what, e)) return false;
     uint32_t node = block_map_slot_of(m, key)->node;
     if (node == BLOCK_MAP_NONE && (node = add_node(m, key, e)) == BLOCK_MAP_NONE) return false;
     memcpy(m->blocks[m->count], block, sizeof *m->blocks);

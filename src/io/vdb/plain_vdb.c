@@ -286,11 +286,8 @@ bool plain_vdb_list_grids(int fd, vdb_listing *out)
         (void)take_u32(c); /* compression flags, repeated for each grid */
         const metadata m = take_metadata(c);
         go_to(c, d.end);
-        vdb_entry *entries =
-            c->failed ? NULL : mem_grow(list.entries, list.count, &room, sizeof *entries, "the grids", NULL);
-        require(c, entries != NULL);
+        if (!c->failed) require(c, MEM_GROW(list.entries, list.count, &room, "the grids", NULL));
         if (c->failed) break;
-        list.entries = entries;
         vdb_entry *e = &list.entries[list.count++];
         *e = (vdb_entry){.scalar = strcmp(d.type, "float") == 0 || strcmp(d.type, "double") == 0,
                          .numeric = true,
@@ -486,29 +483,24 @@ static void add_tile(reading *r, const int32_t origin[3], int32_t side, float va
     vdb_grid *g = r->grid;
     if (active) g->active_voxels += (uint64_t)side * (uint64_t)side * (uint64_t)side;
     if (value == g->background) return;
-    vdb_tile *tiles = mem_grow(g->tiles, g->tile_count, &r->tile_room, sizeof *tiles, "tiles", NULL);
-    require(r->from, tiles && g->tile_count < r->memory_limit / (4 * sizeof *tiles));
-    if (!tiles) return;
-    g->tiles = tiles;
-    tiles[g->tile_count++] = (vdb_tile){{origin[0], origin[1], origin[2]}, side, value, active};
+    require(r->from, g->tile_count < r->memory_limit / (4 * sizeof *g->tiles) &&
+                         MEM_GROW(g->tiles, g->tile_count, &r->tile_room, "tiles", NULL));
+    if (r->from->failed) return;
+    g->tiles[g->tile_count++] = (vdb_tile){{origin[0], origin[1], origin[2]}, side, value, active};
 }
 
 static void take_leaf(reading *r, const int32_t origin[3])
 {
     vdb_grid *g = r->grid;
     const size_t each = VDB_LEAF_VOXELS * sizeof(float) + 256;
-    int32_t(*origins)[3] =
-        mem_grow(g->leaf_origin, g->leaf_count, &r->leaf_room, sizeof *origins, "leaves", NULL);
-    if (origins) g->leaf_origin = origins;
-    uint64_t *active =
-        mem_grow(g->leaf_active, 8 * g->leaf_count, &r->active_room, sizeof *active, "leaves", NULL);
-    if (active) g->leaf_active = active;
-    require(r->from, origins && active && g->leaf_count < r->memory_limit / each);
+    require(r->from, g->leaf_count < r->memory_limit / each &&
+                         MEM_GROW(g->leaf_origin, g->leaf_count, &r->leaf_room, "leaves", NULL) &&
+                         MEM_GROW(g->leaf_active, 8 * g->leaf_count, &r->active_room, "leaves", NULL));
     if (r->from->failed) return;
-    memcpy(origins[g->leaf_count], origin, sizeof *origins);
-    take(r->from, active + 8 * g->leaf_count, LEAF_MASK);
-    for (int w = 0; w < 8; w++)
-        g->active_voxels += (uint64_t)__builtin_popcountll(active[8 * g->leaf_count + (size_t)w]);
+    uint64_t *active = g->leaf_active + 8 * g->leaf_count;
+    memcpy(g->leaf_origin[g->leaf_count], origin, sizeof *g->leaf_origin);
+    take(r->from, active, LEAF_MASK);
+    for (int w = 0; w < 8; w++) g->active_voxels += (uint64_t)__builtin_popcountll(active[w]);
     g->leaf_count++;
 }
 

@@ -237,12 +237,8 @@ static void put_triangle(const uint32_t vertex[3], uint32_t out[3])
 static bool keep_piece(repair *m, uint32_t patch, const piece *p, error *e)
 {
     for (size_t k = 0; k < p->triangles; k++) {
-        uint32_t(*corner)[3] = mem_grow(m->corner, m->count, &m->corner_capacity, sizeof *corner, what, e);
-        if (!corner) return false;
-        m->corner = corner;
-        uint32_t *label = mem_grow(m->label, m->count, &m->label_capacity, sizeof *label, what, e);
-        if (!label) return false;
-        m->label = label;
+        if (!MEM_GROW(m->corner, m->count, &m->corner_capacity, what, e)) return false;
+        if (!MEM_GROW(m->label, m->count, &m->label_capacity, what, e)) return false;
         uint32_t vertex[3];
         for (int c = 0; c < 3; c++) vertex[c] = m->in->point[p->input_index[p->corner[k][c]]];
         put_triangle(vertex, m->corner[m->count]);

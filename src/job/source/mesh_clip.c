@@ -65,14 +65,9 @@ static bool add_triangle(clipping *c, vec3 a, vec3 b, vec3 d, error *e)
     const char *what = "the mesh within the region";
     const vec3 corner[3] = {a, b, d};
     mesh *m = &c->out;
-    uint32_t(*triangle)[3] =
-        mem_grow(m->triangle, m->triangle_count, &c->triangle_room, sizeof *triangle, what, e);
-    if (!triangle) return false;
-    m->triangle = triangle;
+    if (!MEM_GROW(m->triangle, m->triangle_count, &c->triangle_room, what, e)) return false;
     for (int k = 0; k < 3; k++) {
-        vec3 *vertex = mem_grow(m->vertex, m->vertex_count, &c->vertex_room, sizeof *vertex, what, e);
-        if (!vertex) return false;
-        m->vertex = vertex;
+        if (!MEM_GROW(m->vertex, m->vertex_count, &c->vertex_room, what, e)) return false;
         m->triangle[m->triangle_count][k] = (uint32_t)m->vertex_count;
         m->vertex[m->vertex_count++] = corner[k];
     }

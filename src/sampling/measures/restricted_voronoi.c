@@ -140,9 +140,7 @@ static bool add_area(descent *d, uint32_t site, double area)
         t->area[t->area_count - 1].area += area;
         return true;
     }
-    area_record *grown = mem_grow(t->area, t->area_count, &t->area_room, sizeof *grown, what, &t->why);
-    if (!grown) return fail(t);
-    t->area = grown;
+    if (!MEM_GROW(t->area, t->area_count, &t->area_room, what, &t->why)) return fail(t);
     t->area[t->area_count++] = (area_record){site, area};
     return true;
 }
@@ -172,9 +170,7 @@ static bool add_side(descent *d, uint32_t site, uint32_t behind, double length, 
     if (d->known && d->known[behind].measured) return true;
     if (behind < site && !is_done(d->known, behind)) return true;
     const uint32_t a = behind < site ? behind : site, b = behind < site ? site : behind;
-    voronoi_side *grown = mem_grow(t->side, t->side_count, &t->side_room, sizeof *grown, what, &t->why);
-    if (!grown) return fail(t);
-    t->side = grown;
+    if (!MEM_GROW(t->side, t->side_count, &t->side_room, what, &t->why)) return fail(t);
     t->side[t->side_count++] = (voronoi_side){a, b, length, middle};
     return true;
 }
@@ -190,10 +186,7 @@ static bool check_certain(descent *d, uint32_t site, double square, uint32_t beh
         (behind == NO_SITE || sites_facing_pair(d->s, site, behind) >= PLANAR_CELLS_COSINE))
         return true;
     if (t->exceeded_count > 0 && t->exceeded[t->exceeded_count - 1] == site) return true;
-    uint32_t *grown =
-        mem_grow(t->exceeded, t->exceeded_count, &t->exceeded_room, sizeof *grown, what, &t->why);
-    if (!grown) return fail(t);
-    t->exceeded = grown;
+    if (!MEM_GROW(t->exceeded, t->exceeded_count, &t->exceeded_room, what, &t->why)) return fail(t);
     t->exceeded[t->exceeded_count++] = site;
     return true;
 }
@@ -1076,10 +1069,7 @@ static bool table_add(side_table *t, const voronoi_side *s, error *e)
 
 static bool add_exceeded(restricted_voronoi *out, uint32_t site, error *e)
 {
-    uint32_t *grown =
-        mem_grow(out->exceeded, out->exceeded_count, &out->exceeded_room, sizeof *grown, what, e);
-    if (!grown) return false;
-    out->exceeded = grown;
+    if (!MEM_GROW(out->exceeded, out->exceeded_count, &out->exceeded_room, what, e)) return false;
     out->exceeded[out->exceeded_count++] = site;
     return true;
 }

@@ -677,12 +677,9 @@ static bool find_gaps(neighbours *n, int axis, const vec3 *x, double margin, dou
     for (size_t i = 1; i < n->count; i++) {
         const double width = scratch[i] - scratch[i - 1];
         if (width <= 2 * margin) continue;
-        neighbours_gap *grown =
-            mem_grow(n->gap[axis], n->gaps[axis], &room, sizeof *grown, "neighbour lists", e);
-        if (!grown) return false;
-        n->gap[axis] = grown;
+        if (!MEM_GROW(n->gap[axis], n->gaps[axis], &room, "neighbour lists", e)) return false;
         cut += width - 2 * margin;
-        grown[n->gaps[axis]++] = (neighbours_gap){0.5 * (scratch[i] + scratch[i - 1]), cut};
+        n->gap[axis][n->gaps[axis]++] = (neighbours_gap){0.5 * (scratch[i] + scratch[i - 1]), cut};
     }
     return true;
 }

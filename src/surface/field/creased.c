@@ -232,11 +232,8 @@ static vec3 find_root(const builder *b, int leaf, vec3 inside, vec3 outside, dou
 
 static void add_segment(builder *b, const node *p, const node *q, int other, uint64_t sides)
 {
-    crease_segment *more =
-        mem_grow(b->segment, b->segment_count, &b->segment_capacity, sizeof *more, WHAT, b->e);
-    b->failed |= !more;
-    if (!more) return;
-    b->segment = more;
+    b->failed |= !MEM_GROW(b->segment, b->segment_count, &b->segment_capacity, WHAT, b->e);
+    if (b->failed) return;
     b->segment[b->segment_count++] = (crease_segment){{p->x, q->x}, {p->on, q->on}, {b->leaf, other}, sides};
 }
 
@@ -265,10 +262,8 @@ static void emit(builder *b, const node t[3], uint64_t sides)
     int sign = solid_surface(b->solid, b->leaf, sides);
     if (sign == 0) return;
     note_segments(b, t, sides);
-    cut_triangle *more = mem_grow(b->triangle, b->count, &b->capacity, sizeof *b->triangle, WHAT, b->e);
-    b->failed |= !more;
-    if (!more) return;
-    b->triangle = more;
+    b->failed |= !MEM_GROW(b->triangle, b->count, &b->capacity, WHAT, b->e);
+    if (b->failed) return;
     for (int k = 0; k < 3; k++) b->triangle[b->count].at[k] = t[sign > 0 ? k : 2 - k].x;
     b->triangle[b->count++].key = (uint32_t)(2 * b->leaf + (sign < 0));
 }
@@ -389,13 +384,9 @@ static void end_cell(builder *b)
         if (k > b->first && k - b->cell[b->cell_count - 1] < FIELD_CELL_TRIANGLES &&
             b->triangle[k].key == b->triangle[k - 1].key)
             continue;
-        size_t *cells = mem_grow(b->cell, b->cell_count, &b->cell_capacity, sizeof *cells, WHAT, b->e);
-        uint32_t *keys =
-            cells ? mem_grow(b->key, b->cell_count, &b->key_capacity, sizeof *keys, WHAT, b->e) : NULL;
-        if (cells) b->cell = cells;
-        if (keys) b->key = keys;
-        b->failed |= !keys;
-        if (!keys) return;
+        b->failed |= !MEM_GROW(b->cell, b->cell_count, &b->cell_capacity, WHAT, b->e) ||
+                     !MEM_GROW(b->key, b->cell_count, &b->key_capacity, WHAT, b->e);
+        if (b->failed) return;
         b->cell[b->cell_count] = k;
         b->key[b->cell_count++] = b->triangle[k].key;
     }

@@ -70,10 +70,7 @@ static bool unite_corners(crease_segment *segment, size_t count, double toleranc
             *x = corner[n];
             continue;
         }
-        vec3 *more = mem_grow(corner, found, &room, sizeof *more, WHAT, e);
-        ok = more != NULL;
-        if (!ok) break;
-        corner = more;
+        if (!(ok = MEM_GROW(corner, found, &room, WHAT, e))) break;
         corner[found++] = *x;
     }
     free(corner);
@@ -165,9 +162,7 @@ static bool find_joints(graph *g, error *e)
 
 static bool add_vertex(graph *g, vec3 x, field_patches *out, error *e)
 {
-    vec3 *more = mem_grow(out->vertex, g->vertex_count, &g->vertices, sizeof *more, WHAT, e);
-    if (!more) return false;
-    out->vertex = more;
+    if (!MEM_GROW(out->vertex, g->vertex_count, &g->vertices, WHAT, e)) return false;
     out->vertex[g->vertex_count++] = x;
     return true;
 }
@@ -176,17 +171,13 @@ static bool add_vertex(graph *g, vec3 x, field_patches *out, error *e)
 static field_curve *add_curve(graph *g, const solid *s, const uint32_t *patch_of, size_t segment,
                               field_patches *out, error *e)
 {
-    field_curve *curves = mem_grow(out->curve, out->curve_count, &g->curves, sizeof *curves, WHAT, e);
-    if (!curves) return NULL;
-    out->curve = curves;
+    if (!MEM_GROW(out->curve, out->curve_count, &g->curves, WHAT, e)) return NULL;
     ends end = ends_of(s, &g->segment[segment], patch_of);
     field_curve *c = &out->curve[out->curve_count];
     *c = (field_curve){.first = g->vertex_count, .patch_first = g->patch_count};
     for (int k = 0; k < 2; k++) c->on[k] = &s->leaf[g->segment[segment].leaf[k]].base;
     for (int k = 0; k < end.count; k++) {
-        uint32_t *more = mem_grow(out->curve_patch, g->patch_count, &g->patches, sizeof *more, WHAT, e);
-        if (!more) return NULL;
-        out->curve_patch = more;
+        if (!MEM_GROW(out->curve_patch, g->patch_count, &g->patches, WHAT, e)) return NULL;
         out->curve_patch[g->patch_count++] = end.patch[k];
         c->patch_count++;
     }

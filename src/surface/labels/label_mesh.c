@@ -87,12 +87,8 @@ static bool add_vertex(making *k, const int *corner, int count, error *e)
         sum = vec3_add(sum, vec3_make((double)at[0], (double)at[1], (double)at[2]));
         if (is_thread(k->v, at)) limit = thread_limit;
     }
-    vec3 *vertex = mem_grow(k->m.vertex, k->m.vertex_count, &k->vertex_room, sizeof *vertex, what, e);
-    if (!vertex) return false;
-    k->m.vertex = vertex;
-    float *grown = mem_grow(k->limit, k->m.vertex_count, &k->limit_room, sizeof *grown, what, e);
-    if (!grown) return false;
-    k->limit = grown;
+    if (!MEM_GROW(k->m.vertex, k->m.vertex_count, &k->vertex_room, what, e)) return false;
+    if (!MEM_GROW(k->limit, k->m.vertex_count, &k->limit_room, what, e)) return false;
     k->limit[k->m.vertex_count] = limit;
     k->m.vertex[k->m.vertex_count++] = vec3_scale(sum, 1.0 / count);
     return true;
@@ -143,15 +139,10 @@ static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner,
     const bool turn = vec3_dot(along, across) < 0;
     for (int i = 1; i + 1 < count; i++) {
         const uint32_t t[3] = {corner[0], corner[turn ? i + 1 : i], corner[turn ? i : i + 1]};
-        uint32_t(*triangle)[3] =
-            mem_grow(k->m.triangle, k->m.triangle_count, &k->triangle_room, sizeof *triangle, what, e);
-        if (!triangle) return false;
-        k->m.triangle = triangle;
-        uint32_t *kind = mem_grow(k->kind, k->m.triangle_count, &k->kind_room, sizeof *kind, what, e);
-        if (!kind) return false;
-        k->kind = kind;
-        kind[k->m.triangle_count] = label_mesh_kind(first, second);
-        memcpy(triangle[k->m.triangle_count++], t, sizeof t);
+        if (!MEM_GROW(k->m.triangle, k->m.triangle_count, &k->triangle_room, what, e)) return false;
+        if (!MEM_GROW(k->kind, k->m.triangle_count, &k->kind_room, what, e)) return false;
+        k->kind[k->m.triangle_count] = label_mesh_kind(first, second);
+        memcpy(k->m.triangle[k->m.triangle_count++], t, sizeof t);
     }
     return true;
 }

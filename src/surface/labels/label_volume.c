@@ -45,9 +45,7 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
                 e, ERROR_INPUT_UNSUPPORTED,
                 "the volume has more than %d labels: for an image, use surface.volume with an isovalue",
                 LABEL_VOLUME_MOST);
-        label_material *grown = mem_grow(v->material, v->count, &r->room, sizeof *grown, what, e);
-        if (!grown) return false;
-        v->material = grown;
+        if (!MEM_GROW(v->material, v->count, &r->room, what, e)) return false;
         v->material[v->count] = (label_material){.value = (int64_t)value};
         label_material_clear(&v->material[v->count++]);
     }

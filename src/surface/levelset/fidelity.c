@@ -111,10 +111,9 @@ static places places_on(const mesh *m, uint32_t n)
 
 static bool note_deviation(tally *t, uint32_t n, int place, double area)
 {
-    deviation *deviations = mem_grow(t->deviations, t->deviation_count, &t->deviation_capacity,
-                                     sizeof *deviations, "the thin parts of the mesh", &t->fault);
-    if (!deviations) return false;
-    t->deviations = deviations;
+    if (!MEM_GROW(t->deviations, t->deviation_count, &t->deviation_capacity, "the thin parts of the mesh",
+                  &t->fault))
+        return false;
     t->deviations[t->deviation_count++] = (deviation){.triangle = n, .place = place, .area = area};
     return true;
 }

@@ -112,10 +112,7 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e
         size_t needed = room * 4 * sizeof *k->near + k->map.count * (size_t)(VOXELS * sizeof(float));
         if (needed > k->limit) return over_limit(k, needed, e);
     }
-    uint32_t(*pairs)[2] =
-        mem_grow(k->pairs, k->pair_count, &k->pair_room, sizeof *pairs, "the blocks around the mesh", e);
-    if (!pairs) return false;
-    k->pairs = pairs;
+    if (!MEM_GROW(k->pairs, k->pair_count, &k->pair_room, "the blocks around the mesh", e)) return false;
     if (!block_map_find_or_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
     k->pairs[k->pair_count][0] = number;
     k->pairs[k->pair_count++][1] = group;
@@ -275,9 +272,7 @@ static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_
         size_t room = t->room ? 2 * t->room : 1024;
         if (2 * room * sizeof *t->tiles > k->limit) return over_limit(k, 2 * room * sizeof *t->tiles, e);
     }
-    vdb_tile *tiles = mem_grow(t->tiles, t->count, &t->room, sizeof *tiles, "the inside of the mesh", e);
-    if (!tiles) return false;
-    t->tiles = tiles;
+    if (!MEM_GROW(t->tiles, t->count, &t->room, "the inside of the mesh", e)) return false;
     t->tiles[t->count++] =
         (vdb_tile){{origin[0], origin[1], origin[2]}, side, (float)(-k->band * k->voxel_size), false};
     return true;

@@ -8,6 +8,7 @@
 #include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
 #include "geometry/space/point_tree.h"
+#include "geometry/space/triangle.h"
 
 static const char what[] = "the pieces of the mesh";
 
@@ -107,9 +108,7 @@ static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error 
         *s = (side){low, high, WHOLE};
         if (needs_halving(h, m->vertex[low], m->vertex[high], middle)) {
             if (m->vertex_count >= WHOLE) return too_many(e);
-            vec3 *grown = mem_grow(m->vertex, m->vertex_count, &h->vertex_room, sizeof *grown, what, e);
-            if (!grown) return false;
-            m->vertex = grown;
+            if (!MEM_GROW(m->vertex, m->vertex_count, &h->vertex_room, what, e)) return false;
             s->middle = (uint32_t)m->vertex_count;
             m->vertex[m->vertex_count++] = middle;
         }
@@ -121,40 +120,19 @@ static bool halve_side(halving *h, uint32_t a, uint32_t b, uint32_t *out, error 
 /* The triangles into which a triangle is divided at its halved sides. Returns their number. */
 static size_t cut_triangle(const uint32_t t[3], const uint32_t middle[3], uint32_t out[4][3])
 {
-    int halved = 0, first = 0;
-    for (int k = 0; k < 3; k++)
-        if (middle[k] != WHOLE) {
-            halved++;
-            first += k;
-        }
-    if (halved == 1) {
-        const int k = first;
-        const uint32_t made[2][3] = {{t[k], middle[k], t[(k + 2) % 3]},
-                                     {middle[k], t[(k + 1) % 3], t[(k + 2) % 3]}};
-        memcpy(out, made, sizeof made);
-    }
-    if (halved == 2) { /* the sides that begin at the corners a and b are halved */
-        const int whole = 3 - first, a = (whole + 1) % 3, b = (whole + 2) % 3;
-        const uint32_t made[3][3] = {
-            {middle[a], t[b], middle[b]}, {t[whole], t[a], middle[a]}, {t[whole], middle[a], middle[b]}};
-        memcpy(out, made, sizeof made);
-    }
-    if (halved == 3) {
-        const uint32_t made[4][3] = {{middle[0], middle[1], middle[2]},
-                                     {t[0], middle[0], middle[2]},
-                                     {t[1], middle[1], middle[0]},
-                                     {t[2], middle[2], middle[1]}};
-        memcpy(out, made, sizeof made);
-    }
-    return (size_t)halved + 1;
+    const bool halved[3] = {middle[0] != WHOLE, middle[1] != WHOLE, middle[2] != WHOLE};
+    const uint32_t corner[6] = {t[0], t[1], t[2], middle[0], middle[1], middle[2]};
+    int parts[4][3];
+    const int count = triangle_split(halved, parts);
+    for (int n = 0; n < count; n++)
+        for (int k = 0; k < 3; k++) out[n][k] = corner[parts[n][k]];
+    return (size_t)count;
 }
 
 static bool keep_triangle(mesh *m, const uint32_t t[3], size_t *room, error *e)
 {
     if (m->triangle_count >= WHOLE) return too_many(e);
-    uint32_t(*grown)[3] = mem_grow(m->triangle, m->triangle_count, room, sizeof *grown, what, e);
-    if (!grown) return false;
-    m->triangle = grown;
+    if (!MEM_GROW(m->triangle, m->triangle_count, room, what, e)) return false;
     memcpy(m->triangle[m->triangle_count++], t, sizeof *m->triangle);
     return true;
 }

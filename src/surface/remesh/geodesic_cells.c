@@ -34,9 +34,7 @@ static bool comes_before(const reach *a, const reach *b)
 
 static bool push(growth *g, reach r, error *e)
 {
-    reach *grown = mem_grow(g->heap, g->count, &g->room, sizeof *grown, what, e);
-    if (!grown) return false;
-    g->heap = grown;
+    if (!MEM_GROW(g->heap, g->count, &g->room, what, e)) return false;
     size_t at = g->count++;
     for (size_t up; at > 0 && comes_before(&r, &g->heap[up = (at - 1) / 2]); at = up)
         g->heap[at] = g->heap[up];

@@ -104,9 +104,7 @@ static vec3 sector_normal(const mesh_curvature *c, uint32_t triangle, int corner
 static bool request_site(mesh_curvature *c, uint32_t triangle, uint32_t corner, error *e)
 {
     if (c->site_of[triangle][corner] > 0) return true;
-    site *grown = mem_grow(c->site, c->count, &c->room, sizeof *grown, what, e);
-    if (!grown) return false;
-    c->site = grown;
+    if (!MEM_GROW(c->site, c->count, &c->room, what, e)) return false;
     site *added = &c->site[c->count++];
     *added = (site){.triangle = triangle, .corner = (uint8_t)corner};
     sector_walk w = sector_walk_begin(&c->sides, triangle, (int)corner);

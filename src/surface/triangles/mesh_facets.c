@@ -32,9 +32,7 @@ void mesh_facets_free(mesh_facets *f)
 
 static bool add_triangle(mesh_facets *f, uint32_t triangle, error *e)
 {
-    uint32_t *grown = mem_grow(f->queue, f->queue_count, &f->queue_room, sizeof *grown, what, e);
-    if (!grown) return false;
-    f->queue = grown;
+    if (!MEM_GROW(f->queue, f->queue_count, &f->queue_room, what, e)) return false;
     f->queue[f->queue_count++] = triangle;
     f->of[triangle] = (uint32_t)f->count + 1;
     return true;
@@ -121,16 +119,13 @@ static bool find_boundary(mesh_facets *f, mesh_facet *out, error *e)
             if (smooth_sides_is_coplanar(s, f->queue[q], side)) continue;
             const sector_step at = side_from(f, out, f->queue[q], side);
             if (!sector_is_corner(s, at.triangle, at.corner)) continue;
-            found_corner *grown = mem_grow(list, found, &room, sizeof *grown, what, e);
-            if (!(ok = grown != NULL)) break;
-            list = grown;
+            if (!(ok = MEM_GROW(list, found, &room, what, e) &&
+                       MEM_GROW(out->side, out->side_count, &side_room, what, e)))
+                break;
             list[found++] = (found_corner){s->m->triangle[at.triangle][at.corner], at.triangle, at.corner};
-            uint32_t(*sides)[2] = mem_grow(out->side, out->side_count, &side_room, sizeof *sides, what, e);
-            if (!(ok = sides != NULL)) break;
-            out->side = sides;
             const sector_step end = sector_follow(s, at);
-            sides[out->side_count][0] = list[found - 1].vertex;
-            sides[out->side_count++][1] = s->m->triangle[end.triangle][end.corner];
+            out->side[out->side_count][0] = list[found - 1].vertex;
+            out->side[out->side_count++][1] = s->m->triangle[end.triangle][end.corner];
         }
     if (found > 0) qsort(list, found, sizeof *list, by_vertex);
     for (size_t k = 0; k < found; k++)
@@ -151,9 +146,7 @@ static bool find_boundary(mesh_facets *f, mesh_facet *out, error *e)
 bool mesh_facets_request(mesh_facets *f, uint32_t triangle, error *e)
 {
     if (f->of[triangle] > 0) return true;
-    mesh_facet *grown = mem_grow(f->facet, f->count, &f->room, sizeof *grown, what, e);
-    if (!grown) return false;
-    f->facet = grown;
+    if (!MEM_GROW(f->facet, f->count, &f->room, what, e)) return false;
     mesh_facet *out = &f->facet[f->count];
     *out = (mesh_facet){.side_count = 0};
     bool ok = gather_triangles(f, triangle, out, e);

@@ -742,9 +742,9 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
     if (is_whole(p)) return true;
     if (s->piece_count % BLOCK == 0) {
         const size_t block = s->piece_count / BLOCK;
-        piece **grown = mem_grow(s->pieces, block, &s->block_room, sizeof *grown, what, e);
-        if (grown) s->pieces = grown;
-        if (!grown || !(grown[block] = mem_array(BLOCK, sizeof **grown, what, e))) return false;
+        if (!MEM_GROW(s->pieces, block, &s->block_room, what, e) ||
+            !(s->pieces[block] = mem_array(BLOCK, sizeof **s->pieces, what, e)))
+            return false;
     }
     *cut_piece_at(s, s->piece_count++) = *p;
     return true;
@@ -789,10 +789,7 @@ static size_t triangle_bytes(const mesh_surface *s)
 
 static bool add_divided(mesh_surface *s, size_t number, size_t stored, error *e)
 {
-    divided_triangle *grown =
-        mem_grow(s->divided, s->divided_count, &s->divided_room, sizeof *grown, what, e);
-    if (!grown) return false;
-    s->divided = grown;
+    if (!MEM_GROW(s->divided, s->divided_count, &s->divided_room, what, e)) return false;
     s->divided[s->divided_count++] = (divided_triangle){(uint32_t)number, (uint32_t)stored};
     return true;
 }

@@ -22,10 +22,7 @@ void crossings_free(crossings *c)
 
 static bool append(crossings *c, const crossing_block *b, error *e)
 {
-    crossing_block *blocks =
-        mem_grow(c->blocks, c->count, &c->room, sizeof *blocks, "the blocks that the surface crosses", e);
-    if (!blocks) return false;
-    c->blocks = blocks;
+    if (!MEM_GROW(c->blocks, c->count, &c->room, "the blocks that the surface crosses", e)) return false;
     c->blocks[c->count++] = *b;
     return true;
 }

@@ -147,10 +147,7 @@ static void corner_values(const float *first, double out[8])
 
 static bool append(hidden_crossing *g, const int32_t at[3], uint32_t block, const float *first, error *e)
 {
-    crossed_cell *cells =
-        mem_grow(g->cell, g->count, &g->capacity, sizeof *cells, "the cells with hidden crossings", e);
-    if (!cells) return false;
-    g->cell = cells;
+    if (!MEM_GROW(g->cell, g->count, &g->capacity, "the cells with hidden crossings", e)) return false;
     double value[8];
     crossed_cell *c = &g->cell[g->count++];
     memcpy(c->at, at, sizeof c->at);

@@ -87,10 +87,7 @@ ISA_CLONES static uint32_t mark(const lines *l, size_t count, uint8_t *restrict 
 
 static bool add_kink(thin_walls_found *f, const thin_walls_edge *edge, error *e)
 {
-    thin_walls_edge *grown =
-        mem_grow(f->kink, f->kink_count, &f->kink_room, sizeof *grown, "the thin walls of the volume", e);
-    if (!grown) return false;
-    f->kink = grown;
+    if (!MEM_GROW(f->kink, f->kink_count, &f->kink_room, "the thin walls of the volume", e)) return false;
     f->kink[f->kink_count++] = *edge;
     return true;
 }

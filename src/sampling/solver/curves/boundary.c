@@ -67,9 +67,7 @@ static bool clip_segment(const field *f, int face, segment *s)
 
 static bool add_segment(segments *all, const segment *s, error *e)
 {
-    segment *item = mem_grow(all->item, all->count, &all->capacity, sizeof *item, WHAT, e);
-    if (!item) return false;
-    all->item = item;
+    if (!MEM_GROW(all->item, all->count, &all->capacity, WHAT, e)) return false;
     all->item[all->count++] = *s;
     return true;
 }

@@ -94,12 +94,8 @@ static bool find_corners(layout *l, error *e)
 
 static bool add_point(layout *l, vec3 x, double at, error *e)
 {
-    vec3 *point = mem_grow(l->point, l->point_count, &l->point_capacity, sizeof *point, WHAT, e);
-    if (!point) return false;
-    l->point = point;
-    double *length = mem_grow(l->at, l->point_count, &l->arc_capacity, sizeof *length, WHAT, e);
-    if (!length) return false;
-    l->at = length;
+    if (!MEM_GROW(l->point, l->point_count, &l->point_capacity, WHAT, e)) return false;
+    if (!MEM_GROW(l->at, l->point_count, &l->arc_capacity, WHAT, e)) return false;
     l->point[l->point_count] = x;
     l->at[l->point_count++] = at;
     return true;
@@ -259,18 +255,10 @@ static bool add_copy(layout *l, uint32_t patch, vec3 n, double half, curve_sampl
             l->half[k - 1] += half;
             return true;
         }
-    uint32_t *places = mem_grow(out->place, out->copies, &l->capacity[2], sizeof *places, WHAT, e);
-    if (!places) return false;
-    out->place = places;
-    uint32_t *patches = mem_grow(out->patch, out->copies, &l->capacity[3], sizeof *patches, WHAT, e);
-    if (!patches) return false;
-    out->patch = patches;
-    vec3 *normal = mem_grow(out->normal, out->copies, &l->capacity[4], sizeof *normal, WHAT, e);
-    if (!normal) return false;
-    out->normal = normal;
-    double *halves = mem_grow(l->half, out->copies, &l->capacity[5], sizeof *halves, WHAT, e);
-    if (!halves) return false;
-    l->half = halves;
+    if (!MEM_GROW(out->place, out->copies, &l->capacity[2], WHAT, e)) return false;
+    if (!MEM_GROW(out->patch, out->copies, &l->capacity[3], WHAT, e)) return false;
+    if (!MEM_GROW(out->normal, out->copies, &l->capacity[4], WHAT, e)) return false;
+    if (!MEM_GROW(l->half, out->copies, &l->capacity[5], WHAT, e)) return false;
     l->half[out->copies] = half;
     out->place[out->copies] = place;
     out->patch[out->copies] = patch;
@@ -280,12 +268,8 @@ static bool add_copy(layout *l, uint32_t patch, vec3 n, double half, curve_sampl
 
 static bool add_sample(layout *l, vec3 x, uint32_t curve, curve_samples *out, error *e)
 {
-    vec3 *position = mem_grow(out->position, out->count, &l->capacity[0], sizeof *position, WHAT, e);
-    if (!position) return false;
-    out->position = position;
-    uint32_t *curves = mem_grow(out->curve, out->count, &l->capacity[1], sizeof *curves, WHAT, e);
-    if (!curves) return false;
-    out->curve = curves;
+    if (!MEM_GROW(out->position, out->count, &l->capacity[0], WHAT, e)) return false;
+    if (!MEM_GROW(out->curve, out->count, &l->capacity[1], WHAT, e)) return false;
     out->position[out->count] = x;
     out->curve[out->count++] = curve;
     return true;

@@ -327,9 +327,7 @@ static size_t find_targets(merging *m)
 
 static bool add_copy(merging *m, uint32_t place, size_t source, bool own, error *e)
 {
-    new_copy *grown = mem_grow(m->new_copies, m->new_count, &m->new_capacity, sizeof *grown, what, e);
-    if (!grown) return false;
-    m->new_copies = grown;
+    if (!MEM_GROW(m->new_copies, m->new_count, &m->new_capacity, what, e)) return false;
     m->new_copies[m->new_count++] = (new_copy){place, m->samples->patch[source], (uint32_t)source, own};
     return true;
 }

@@ -175,12 +175,8 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
 static bool add_place(coverage_gaps *p, vec3 x, uint32_t patch, error *e)
 {
     const char *what = "the gaps in coverage";
-    vec3 *place = mem_grow(p->place, p->count, &p->place_capacity, sizeof *place, what, e);
-    if (!place) return false;
-    p->place = place;
-    uint32_t *of = mem_grow(p->patch, p->count, &p->patch_capacity, sizeof *of, what, e);
-    if (!of) return false;
-    p->patch = of;
+    if (!MEM_GROW(p->place, p->count, &p->place_capacity, what, e)) return false;
+    if (!MEM_GROW(p->patch, p->count, &p->patch_capacity, what, e)) return false;
     p->place[p->count] = x;
     p->patch[p->count++] = patch;
     return true;
