@@ -51,7 +51,6 @@ void table_print(const table *t)
 
 void table_clear(table *t)
 {
-    for (size_t i = 0; i < t->count; i++) free(t->cell[i]);
-    free(t->cell);
+    mem_free_texts(t->cell, t->count);
     *t = (table){0};
 }

@@ -30,9 +30,8 @@ void hexad_job_free(hexad_job *job)
 {
     if (!job) return;
     for (size_t k = 0; k < job->arrays.count; k++) free(job->arrays.item[k].name);
-    for (size_t k = 0; k < job->root_count; k++) free(job->roots[k]);
     free(job->arrays.item);
-    free(job->roots);
+    mem_free_texts(job->roots, job->root_count);
     free(job->directory);
     free(job->text);
     result_arrays_free(&job->results);
@@ -183,8 +182,7 @@ void hexad_job_set_directory(hexad_job *job, const char *directory)
 
 void hexad_job_add_root(hexad_job *job, const char *directory)
 {
-    job->roots = mem_resize(job->roots, (job->root_count + 1) * sizeof *job->roots);
-    job->roots[job->root_count++] = mem_strdup(directory);
+    mem_add_text(&job->roots, &job->root_count, mem_strdup(directory));
 }
 
 void hexad_job_set_progress(hexad_job *job, hexad_progress *function, void *context)

@@ -137,12 +137,6 @@ static words command_line(const hexad_job *job, const spec *s)
     return w;
 }
 
-static void free_words(words *w)
-{
-    for (size_t k = 0; k < w->count; k++) free(w->word[k]);
-    free(w->word);
-}
-
 /* ---- the process */
 
 /* A descriptor above those of the child, so that dup2 does not replace it. */
@@ -223,7 +217,7 @@ static bool start(const hexad_job *job, const json *document, const spec *s, chi
         close_end(&out->arrays);
         close_end(&out->progress);
     }
-    free_words(&w);
+    mem_free_texts(w.word, w.count);
     free(text);
     return !fault;
 }

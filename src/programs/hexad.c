@@ -541,8 +541,7 @@ static void fini_access(service *s)
 
 static void fini_output_roots(service *s)
 {
-    for (size_t i = 0; i < s->output_roots.root_count; i++) free(s->output_root[i]);
-    free(s->output_root);
+    mem_free_texts(s->output_root, s->output_roots.root_count);
     free(s->output_root_of_user);
 }
 

@@ -563,8 +563,7 @@ static int run_for_jobs(client *c, const line *l)
     for (size_t i = 0; i < l->argument_count; i++) ids[i] = NULL;
     int code = resolve_jobs(c, l, ids);
     if (code == COMMAND_OK) code = run_for_each(c, l, (const char *const *)ids);
-    for (size_t i = 0; i < l->argument_count; i++) free(ids[i]);
-    free(ids);
+    mem_free_texts(ids, l->argument_count);
     return code;
 }
 

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/core/frames.h"
+#include "base/core/memory.h"
 #include "spec/file_names.h"
 #include "spec/surface_spec.h"
 
@@ -133,27 +134,20 @@ void spec_free(spec *s)
         free(s->attributes[i].input_pointer);
     }
     free(s->attributes);
-    for (size_t i = 0; i < s->ply_property_count; i++) free(s->ply_properties[i]);
-    free(s->ply_properties);
+    mem_free_texts(s->ply_properties, s->ply_property_count);
     free(s->orient.twist);
     free(s->instancer.prototype);
     free(s->instancer.scale);
     free(s->preview_attribute);
     free(s->preview_range);
-    for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
-    free(s->labels);
-    for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);
-    free(s->depends_on);
-    for (size_t i = 0; i < s->after_count; i++) free(s->after[i]);
-    free(s->after);
-    for (size_t i = 0; i < s->after_frames_count; i++) free(s->after_frames[i]);
-    free(s->after_frames);
-    for (size_t i = 0; i < s->slurm_count; i++) free(s->slurm[i]);
-    free(s->slurm);
+    mem_free_texts(s->labels, s->label_count);
+    mem_free_texts(s->depends_on, s->depends_on_count);
+    mem_free_texts(s->after, s->after_count);
+    mem_free_texts(s->after_frames, s->after_frames_count);
+    mem_free_texts(s->slurm, s->slurm_count);
     free(s->frames);
     free(s->frame);
-    for (size_t i = 0; i < s->files.count; i++) free(s->files.name[i]);
-    free(s->files.name);
+    mem_free_texts(s->files.name, s->files.count);
     free(s->directory);
     free(s->webhook);
     json_free(s->normalised);

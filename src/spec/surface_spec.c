@@ -85,8 +85,7 @@ void surface_spec_free_parts(spec_surface *s)
     free(s->exr.slices);
     free(s->exr.part);
     free(s->exr.channel);
-    for (size_t k = 0; s->exr.files && k < s->exr.count; k++) free(s->exr.files[k]);
-    free(s->exr.files);
+    mem_free_texts(s->exr.files, s->exr.count);
     free(s->exr.numbers);
     for (size_t k = 0; k < s->part_count; k++) {
         surface_spec_free_parts(s->parts[k]);

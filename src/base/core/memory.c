@@ -58,6 +58,18 @@ char *mem_printf(const char *format, ...)
     return text;
 }
 
+void mem_add_text(char ***list, size_t *count, char *text)
+{
+    *list = mem_resize(*list, (*count + 1) * sizeof **list);
+    (*list)[(*count)++] = text;
+}
+
+void mem_free_texts(char **list, size_t count)
+{
+    for (size_t k = 0; list && k < count; k++) free(list[k]);
+    free(list);
+}
+
 /* Arrays from LARGE bytes: whole pages are returned to the kernel, which zeroes them at the first access,
  * since arrays are often only partly used. Smaller arrays, such as a picture of usual size, are zeroed at
  * once. From SEVERAL_PAGES bytes all pages are populated first: a page fault takes as long as zeroing several

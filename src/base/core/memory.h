@@ -21,6 +21,10 @@ char *mem_strndup(const char *text, size_t length);
 char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
 char *mem_print_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
+/* A list of texts, which it owns: adds one, and frees all with the list. NULL is an empty list. */
+void mem_add_text(char ***list, size_t *count, char *text);
+void mem_free_texts(char **list, size_t count);
+
 /* The bytes of a limit that remain if `held` bytes are used; 0 if these exceed it. */
 static inline size_t mem_left(size_t limit, size_t held)
 {

@@ -291,8 +291,7 @@ static void raw_volume_close(slices *base)
 {
     raw_volume *s = (raw_volume *)base;
     close_data(s);
-    for (uint32_t k = 0; s->names && k < s->head.file_count; k++) free(s->names[k]);
-    free(s->names);
+    mem_free_texts(s->names, s->head.file_count);
     free(s->text);
     free(s);
 }

@@ -27,8 +27,7 @@ typedef struct stack {
 
 static void free_stack(stack *s)
 {
-    for (size_t k = 0; k < s->count; k++) free(s->paths[k]);
-    free(s->paths);
+    mem_free_texts(s->paths, s->count);
     free(s->numbers);
     free(s->pattern);
 }

@@ -88,10 +88,8 @@ bool data_set_find(const http_context *c, const access_caller *caller, const spe
 
 void data_set_clear(data_set *set)
 {
-    for (size_t i = 0; i < set->count; i++) free(set->name[i]);
-    for (size_t i = 0; i < set->sent_count; i++) free(set->sent[i]);
-    free(set->name);
-    free(set->sent);
+    mem_free_texts(set->name, set->count);
+    mem_free_texts(set->sent, set->sent_count);
     free(set->frame);
     *set = (data_set){0};
 }

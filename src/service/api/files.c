@@ -25,12 +25,6 @@ typedef struct names {
     char **item;
 } names;
 
-static void names_clear(names *n)
-{
-    for (size_t i = 0; i < n->count; i++) free(n->item[i]);
-    free(n->item);
-}
-
 static void names_add(names *n, const char *name)
 {
     size_t at = n->count;
@@ -137,7 +131,7 @@ void files_list(const http_context *c, const http_request *request, reply *r)
     for (size_t i = 0; i < found.count; i++) append_found(c, dirfd(listing), path, found.item[i], list);
     json_put_string(document, "next", found.more ? found.item[found.count - 1] : NULL);
     closedir(listing);
-    names_clear(&found);
+    mem_free_texts(found.item, found.count);
     reply_set_json(r, 200, document);
 }
 
@@ -404,8 +398,7 @@ bool files_find_names(const http_context *c, const char *path, const char *patte
     name_pattern_clear(&s.pattern);
     free(s.refused);
     if (!ok) {
-        for (size_t i = 0; i < found->count; i++) free(found->item[i]);
-        free(found->item);
+        mem_free_texts(found->item, found->count);
         return false;
     }
     *out = found->item;

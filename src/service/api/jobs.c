@@ -644,7 +644,7 @@ void jobs_await(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* The names of the uploaded files that the job reads, `count` of them; to be freed by free_sent. */
+/* The names of the uploaded files that the job reads, `count` of them; to be freed by mem_free_texts. */
 static char **list_sent(const spec *s, size_t *count)
 {
     spec_input input;
@@ -652,16 +652,9 @@ static char **list_sent(const spec *s, size_t *count)
     *count = 0;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         if (!sent_file_match(input.path, name)) continue;
-        names = mem_resize(names, (*count + 1) * sizeof *names);
-        names[(*count)++] = mem_strdup(name);
+        mem_add_text(&names, count, mem_strdup(name));
     }
     return names;
-}
-
-static void free_sent(char **names, size_t count)
-{
-    for (size_t i = 0; i < count; i++) free(names[i]);
-    free(names);
 }
 
 /* Milliseconds, rounded up, so that a positive time never becomes 0. */
@@ -754,7 +747,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         reply_set_error(r, &e, NULL);
     else
         reply_set_unavailable(r, e.message); /* not a fault of the service: try again */
-    free_sent(sent, sent_count);
+    mem_free_texts(sent, sent_count);
     free(labels);
     free(text);
     free(paths);
@@ -785,13 +778,12 @@ static char *print_first(const order *o)
     return own ? own : text;
 }
 
-/* The names of the uploaded files that the first frame reads; to be freed by free_sent. */
+/* The names of the uploaded files that the first frame reads; to be freed by mem_free_texts. */
 static char **list_sent_first(const order *o, size_t *count)
 {
     char own[STORE_INPUT_NAME_SIZE], **names = list_sent(o->s, count);
     if (!o->set.count || !sent_file_match(o->set.name[0], own)) return names;
-    names = mem_resize(names, (*count + 1) * sizeof *names);
-    names[(*count)++] = mem_strdup(own);
+    mem_add_text(&names, count, mem_strdup(own));
     return names;
 }
 
@@ -819,7 +811,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         outcome = estimator_run(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent,
                                 sent_count, first_frame(o), threads, memory_mb,
                                 clock_seconds(parameter_integer(request, "within_ms", 0)), &found, &e);
-        free_sent(sent, sent_count);
+        mem_free_texts(sent, sent_count);
         free(text);
     } else {
         error_set(&e, ERROR_NONE, "this service makes no estimates: the setting estimates is 0");

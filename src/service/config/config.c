@@ -79,8 +79,7 @@ static bool set_number(const config_row *row, const char *value, void *at, error
 
 static void list_clear(config_list *list)
 {
-    for (size_t i = 0; i < list->count; i++) free(list->item[i]);
-    free(list->item);
+    mem_free_texts(list->item, list->count);
     *list = (config_list){0};
 }
 
@@ -98,8 +97,7 @@ static void list_append(config_list *list, const char *value, const char *separa
         while (length && (*first == ' ' || *first == '\t')) first++, length--;
         while (length && (first[length - 1] == ' ' || first[length - 1] == '\t')) length--;
         if (!length) continue;
-        list->item = mem_resize(list->item, (list->count + 1) * sizeof *list->item);
-        list->item[list->count++] = mem_strndup(first, length);
+        mem_add_text(&list->item, &list->count, mem_strndup(first, length));
     }
 }
 

@@ -178,7 +178,7 @@ estimator_outcome estimator_run(estimator *m, const char *command, const char *s
         for (size_t i = 0; outcome == ESTIMATOR_FAULT && e->code == ERROR_INPUT_DAMAGED && i < input_count;
              i++)
             store_inputs_discard_damaged(settings->inputs, inputs[i]);
-        input_permissions_free(roots, root_count);
+        mem_free_texts(roots, root_count);
         free(directory);
     } else {
         outcome = ESTIMATOR_BUSY;

@@ -396,8 +396,7 @@ void executor_free(executor *x)
     if (x->pieces) queue_wake_no_more(x->place.q, x->pieces);
     if (x->wake_fd >= 0) close(x->wake_fd);
     if (x->drained_fd >= 0) close(x->drained_fd);
-    for (size_t i = 0; i < x->settings.input_root_count; i++) free(x->input_roots[i]);
-    free(x->input_roots);
+    mem_free_texts(x->input_roots, x->settings.input_root_count);
     free(x->state_dir);
     free(x->work_dir);
     free(x->worker);

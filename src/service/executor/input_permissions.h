@@ -11,9 +11,8 @@
 
 /* Lists the paths: first the uploaded files with these names ("sha256:...") that exist, then the roots in
  * `given`. Listing an uploaded file counts as a use of it. `inputs` may be NULL: nothing was uploaded. The
- * caller frees the list with input_permissions_free. */
+ * caller frees the list with mem_free_texts. */
 char **input_permissions_list(const char *const *names, size_t name_count, store_inputs *inputs,
                               const char *const *given, size_t given_count, size_t *count);
-void input_permissions_free(char **roots, size_t count);
 
 #endif

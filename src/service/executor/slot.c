@@ -297,7 +297,7 @@ static bool start_worker(slot *s, error *e)
     free(previous);
     free(own_spec);
     free(inputs);
-    input_permissions_free(roots, root_count);
+    mem_free_texts(roots, root_count);
     return w->attempt != NULL;
 }
 

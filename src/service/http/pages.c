@@ -19,9 +19,8 @@ static const char own_scheme[] = "http://";
 static void add_host(pages *p, const char *host, size_t length, const char *port)
 {
     bool default_port = strcmp(port, "80") == 0; /* browsers leave it out */
-    p->host = mem_resize(p->host, (p->host_count + 1) * sizeof *p->host);
-    p->host[p->host_count++] =
-        default_port ? mem_strndup(host, length) : mem_printf("%.*s:%s", (int)length, host, port);
+    mem_add_text(&p->host, &p->host_count,
+                 default_port ? mem_strndup(host, length) : mem_printf("%.*s:%s", (int)length, host, port));
 }
 
 /* Whether a text is "http://" or "https://" with a possible host and an optional port. */
@@ -63,10 +62,8 @@ pages *pages_new(const char *const *origins, size_t count, error *e)
 void pages_free(pages *p)
 {
     if (!p) return;
-    for (size_t i = 0; i < p->host_count; i++) free(p->host[i]);
-    for (size_t i = 0; i < p->origin_count; i++) free(p->origin[i]);
-    free(p->host);
-    free(p->origin);
+    mem_free_texts(p->host, p->host_count);
+    mem_free_texts(p->origin, p->origin_count);
     free(p);
 }
 

@@ -113,10 +113,8 @@ static bool read_inputs(database *d, int64_t seq, queue_claimed *claimed, error 
     bool ok = false;
     sqlite3_stmt *s =
         ASK(d, e, "SELECT name FROM input WHERE job = ?1 AND of_task = 0 ORDER BY name", integer(seq));
-    while (database_next(d, s, &ok, e)) {
-        claimed->inputs = mem_resize(claimed->inputs, (claimed->input_count + 1) * sizeof *claimed->inputs);
-        claimed->inputs[claimed->input_count++] = database_text(s, 0);
-    }
+    while (database_next(d, s, &ok, e))
+        mem_add_text(&claimed->inputs, &claimed->input_count, database_text(s, 0));
     return ok;
 }
 

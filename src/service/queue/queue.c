@@ -221,8 +221,7 @@ void queue_claimed_clear(queue_claimed *claimed)
     queue_task_clear(&claimed->task);
     free(claimed->directory);
     free(claimed->cache_key);
-    for (size_t i = 0; i < claimed->input_count; i++) free(claimed->inputs[i]);
-    free(claimed->inputs);
+    mem_free_texts(claimed->inputs, claimed->input_count);
 }
 
 void queue_claimed_free(queue_claimed *claimed, size_t count)

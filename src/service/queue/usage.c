@@ -79,13 +79,9 @@ static bool find_leaving_of_users(queue *q, database *d, int64_t *seq, error *e)
     bool ok = false;
     sqlite3_stmt *s = ASK(d, e, "SELECT owner FROM usage WHERE bytes >= ?1 OR results >= ?2",
                           integer(q->bounds.user.bytes), integer(q->bounds.user.results));
-    while (database_next(d, s, &ok, e)) {
-        owner = mem_resize(owner, (count + 1) * sizeof *owner);
-        owner[count++] = database_text(s, 0);
-    }
+    while (database_next(d, s, &ok, e)) mem_add_text(&owner, &count, database_text(s, 0));
     for (size_t i = 0; ok && i < count && !*seq; i++) ok = find_leaving(q, d, owner[i], seq, e);
-    for (size_t i = 0; i < count; i++) free(owner[i]);
-    free(owner);
+    mem_free_texts(owner, count);
     return ok;
 }
 

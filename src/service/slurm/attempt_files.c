@@ -193,14 +193,12 @@ bool attempt_files_read_batch(const char *directory, attempt_files_batch *batch)
 
 void attempt_files_add_name(attempt_files_names *names, const char *name, size_t length)
 {
-    names->name = mem_resize(names->name, (names->count + 1) * sizeof *names->name);
-    names->name[names->count++] = mem_strndup(name, length);
+    mem_add_text(&names->name, &names->count, mem_strndup(name, length));
 }
 
 void attempt_files_clear_names(attempt_files_names *names)
 {
-    for (size_t i = 0; i < names->count; i++) free(names->name[i]);
-    free(names->name);
+    mem_free_texts(names->name, names->count);
     *names = (attempt_files_names){0};
 }
 

@@ -46,8 +46,7 @@ static void add_name(attempt_files_names *n, char *name)
         free(name);
         return;
     }
-    n->name = mem_resize(n->name, (n->count + 1) * sizeof *n->name);
-    n->name[n->count++] = name;
+    mem_add_text(&n->name, &n->count, name);
 }
 
 static bool has_name(const attempt_files_names *n, const char *name)

@@ -69,8 +69,7 @@ typedef struct load {
 
 static void load_clear(load *l)
 {
-    for (size_t i = 0; i < l->count; i++) free(l->names[i]);
-    free(l->names);
+    mem_free_texts(l->names, l->count);
     free(l->tasks);
     free(l->needs);
     attempt_files_clear_names(&l->open);
