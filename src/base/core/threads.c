@@ -207,6 +207,11 @@ bool threads_stopped(const threads *t)
     return t && t->stop_flag && __atomic_load_n(t->stop_flag, __ATOMIC_RELAXED);
 }
 
+bool threads_may_go_on(const threads *t, error *e)
+{
+    return !threads_stopped(t) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context)
 {
     if (!t || t->count == 1 || t->narrow || count <= grain) {

@@ -47,6 +47,9 @@ threads *threads_beside(const threads *t);
 
 bool threads_stopped(const threads *t); /* false for NULL */
 
+/* False and the error cancelled if the loops are stopped. */
+bool threads_may_go_on(const threads *t, error *e);
+
 /* NULL: runs on the calling thread. */
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context);
 

@@ -165,11 +165,6 @@ static int by_low(const void *left, const void *right)
     return (a->first > b->first) - (a->first < b->first);
 }
 
-static bool may_go_on(const cutting *c, error *e)
-{
-    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
-}
-
 static bool list_parts(cutting *c, error *e)
 {
     const size_t all = c->m->triangle_count;
@@ -197,7 +192,7 @@ static bool list_parts(cutting *c, error *e)
         if (!threads_stopped(c->pool)) qsort(c->parts, c->part_count, sizeof *c->parts, by_low);
     }
     free(number);
-    return ok && may_go_on(c, e);
+    return ok && threads_may_go_on(c->pool, e);
 }
 
 /* ---- pairs of triangles */
@@ -826,8 +821,8 @@ bool coplanar_cut(mesh *m, const mesh_edges *edges, const rounding *r, threads *
     c.l.m = m;
     *out = (coplanar_overlap){0};
     mesh before = {0};
-    bool ok = join_parts(&c, edges, e) && may_go_on(&c, e) && list_parts(&c, e) && find_pairs(&c, e) &&
-              may_go_on(&c, e);
+    bool ok = join_parts(&c, edges, e) && threads_may_go_on(c.pool, e) && list_parts(&c, e) &&
+              find_pairs(&c, e) && threads_may_go_on(c.pool, e);
     if (ok && c.pair_count > 0) {
         c.closed = mem_array(m->triangle_count, sizeof *c.closed, what, e);
         ok = c.closed && contacts_find_closed(m, edges, c.closed, e) && mesh_copy(m, NULL, &before, e) &&

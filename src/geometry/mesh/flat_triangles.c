@@ -263,7 +263,7 @@ bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e)
 {
     looking l = {.m = m};
     const bool found = m->triangle_count > 0 && find_flat(&l, pool);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return !found || (mesh_weld_vertices(m, pool, e) && remove_flat(m, &l.r, notes, e));
 }
 

@@ -110,7 +110,7 @@ bool mesh_edges_list(const mesh *m, threads *pool, mesh_edges *out, error *e)
     threads_run(pool, m->triangle_count, CHUNK, fill_chunk, &job);
     /* the order of the sides depends on the threads */
     threads_run(pool, m->vertex_count, CHUNK, sort_chunk, out);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 size_t mesh_edges_width(const mesh_edges *edges, size_t v, size_t k)

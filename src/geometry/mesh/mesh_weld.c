@@ -175,7 +175,7 @@ static bool join_vertices(mesh *m, threads *pool, uint32_t *place, error *e)
         threads_run(pool, m->triangle_count, CHUNK, replace_chunk, &j);
     }
     free(j.table.slots);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 bool mesh_weld_vertices(mesh *m, threads *pool, error *e)
@@ -207,7 +207,7 @@ static bool drop_unused(mesh *m, threads *pool, uint32_t *place, error *e)
     }
     if (count < m->vertex_count) threads_run(pool, m->triangle_count, CHUNK, replace_chunk, &j);
     m->vertex_count = count;
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 /* The corners in ascending order; returns +1 for an even permutation, -1 for an odd one. */
@@ -387,7 +387,7 @@ static bool find_unclean(const mesh *m, threads *pool, bool *may, error *e)
     *may = atomic_load(&by.unclean);
     free(by.first);
     free(by.list);
-    if (ok && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (ok && !threads_may_go_on(pool, e)) return false;
     return ok;
 }
 

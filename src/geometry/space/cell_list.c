@@ -143,7 +143,7 @@ cell_list *cell_list_new(const vec3 *points, size_t count, threads *pool, error 
     bool ok = l->begin && l->item && cell;
     const bool is_dense = ok && !fill(l, count, total, pool, cell);
     free(cell);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     if (ok && is_dense) {
         free(l->begin);
         free(l->item);

@@ -219,7 +219,7 @@ static bool sort_into_bands(drawing *job, error *e)
     b->begin = mem_array(b->bands + 2, sizeof *b->begin, what, e);
     if (!b->reach || !b->begin) return false;
     threads_run(job->pool, count, POINTS_GRAIN, reach_chunk, job);
-    if (threads_stopped(job->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(job->pool, e)) return false;
     for (size_t i = 0; i < count; i++)
         for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->begin[k + 2]++;
     for (size_t k = 2; k < b->bands + 2; k++) b->begin[k] += b->begin[k - 1];
@@ -540,7 +540,7 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
     if (ok) {
         make_table(table);
         threads_run(pool, job.bins.bands, 1, band_chunk, &job);
-        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(pool, e)) ok = false;
     }
     for (int k = 0; job.band && k < threads_count(pool); k++) {
         free(job.band[k].key);

@@ -77,7 +77,7 @@ static bool sample_surface(const given_points *g, const spec *s, const source *f
         out->border += nearest >= distance && nearest < distance + h;
     }
     point_tree_free(tree);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 bool avoided_points_plan(const given_points *g, const spec *s, const source *from, const surface *scan,

@@ -223,7 +223,7 @@ bool given_points_place(given_points *g, const spec *s, const source *from, doub
     if (patches) g->patch = mem_array(g->count, sizeof *g->patch, what, e);
     bool ok = g->normal && g->projected && job.distance && job.is_placed && (g->patch || !patches);
     if (ok) threads_run(pool, g->count, GRAIN, place_chunk, &job);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     ok = ok && check_distances(&job, s, e) && (s->points.mode != SPEC_POINTS_REFINE || drop_equal(g, e));
     free(job.distance);
     free(job.is_placed);

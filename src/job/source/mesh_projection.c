@@ -201,7 +201,7 @@ bool mesh_projection_apply(const mesh_projection *l, vec3 *place, const double *
     for (int round = 0; ok && far && round < APART_ROUNDS; round++) ok = move_apart(&m, count, pool, &far, e);
     free(m.largest);
     free(m.far);
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }
 
 typedef struct repeating {

@@ -302,11 +302,11 @@ bool point_curvature_find(const source *s, const point_curvature_input *in, thre
     f.at = mem_array(in->count, sizeof *f.at, what, e);
     bool ok = f.at && make_trees(&f, pool, e);
     if (ok) threads_run(pool, in->count, GRAIN, locate_chunk, &f);
-    ok = ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    ok = ok && threads_may_go_on(pool, e);
     for (size_t k = 0; ok && k < f.leaf_count; k++) ok = prepare_leaf(&f, k, pool, e);
     if (ok) threads_run(pool, in->count, GRAIN, evaluate_chunk, &f);
     for (size_t k = 0; k < f.leaf_count; k++) close_leaf(&f.leaves[k]);
     free(f.leaves);
     free(f.at);
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }

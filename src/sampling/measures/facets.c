@@ -402,7 +402,7 @@ static bool order_items(facets *f, facets_need need, const void *context, thread
     free(c.kept);
     f->item = order;
     f->item_count = ok ? c.count : 0;
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }
 
 typedef struct normal_job {
@@ -472,7 +472,7 @@ bool facets_build(facets *f, facets_need need, const void *context, threads *poo
     }
     if (ok) build_nodes(f, angle, pool, 0, (uint32_t)f->item_count);
     free(angle);
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }
 
 void facets_free(facets *f)

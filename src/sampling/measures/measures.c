@@ -659,5 +659,5 @@ bool measures_take(const measures_input *in, threads *pool, double *local, doubl
     free_table(&t);
     facets_free(&f);
     if (ok) *out = made;
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }

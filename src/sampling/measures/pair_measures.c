@@ -311,7 +311,7 @@ bool pair_measures_take(const pair_measures_input *in, threads *pool, planar_cel
         for (size_t c = 0; ok && out && c < (l.part.count + CHUNK - 1) / CHUNK; c++)
             add_sums(&whole, &job.sums[c]);
     }
-    ok = ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    ok = ok && threads_may_go_on(pool, e);
     if (ok && out) conclude(&whole, job.lack, in->sites->count, energy, out);
     free(job.lack);
     free(job.sums);
@@ -350,5 +350,5 @@ bool pair_measures_means(const pair_measures_input *in, const planar_cell *cells
                         &(mean_job){&l.part, cells, value, mean, in->borders});
     }
     close_lists(&l);
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }

@@ -290,7 +290,7 @@ bool progressive_order(const progressive_order_input *in, const threads *pool, u
     if (ok) choose(&o, root->entry_index);
     while (ok && o.count < in->count) {
         choose_in(&o, 0, root->far * PROGRESSIVE_ORDER_BATCH * PROGRESSIVE_ORDER_BATCH);
-        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(pool, e)) ok = false;
     }
     free_tree(&o.tree);
     return ok;

@@ -1167,7 +1167,7 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
     out->side = table.entry;
     free(all);
     free(farthest);
-    return ok && (!threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped"));
+    return ok && threads_may_go_on(pool, e);
 }
 
 void restricted_voronoi_free(restricted_voronoi *v)

@@ -266,7 +266,7 @@ bool neighbour_bins_fill(neighbours *n, threads *pool, error *e)
 {
     for (;;) {
         threads_run(pool, n->count, CHUNK, spot_chunk, n);
-        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(pool, e)) return false;
         if (number_bins(n)) break;
         if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
             return false;
@@ -274,9 +274,9 @@ bool neighbour_bins_fill(neighbours *n, threads *pool, error *e)
     sort_blocks(n);
     threads_run(pool, n->blocks, BLOCK_CHUNK, cell_chunk, n);
     threads_run(pool, n->count, CHUNK, bin_chunk, n);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     place_spots(n);
     threads_run(pool, n->count, CHUNK, item_chunk, n);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return true;
 }

@@ -191,7 +191,7 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
         count = SAMPLES;
         threads_run(pool, SAMPLES - FIRST, GRAIN, measure_chunk, &job);
     }
-    bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    bool ok = threads_may_go_on(pool, e);
     qsort(job.ratio, count, sizeof *job.ratio, compare_doubles);
     if (ok)
         *out = (clearance){(double)count_near(&job, count) / (double)count,

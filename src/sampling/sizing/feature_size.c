@@ -191,7 +191,7 @@ bool feature_size_measure(const surface *scan, const cell_samples *sample, threa
     for (size_t k = 0; k < scan->cells; k++) size[k] = INFINITY;
     for (; ok && open && edge < widest && !threads_stopped(pool); edge *= GROWTH)
         ok = measure_level(&m, edge, pool, &open, e);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     free(m.offset);
     free(m.on_faces.normal);
     return ok;

@@ -128,7 +128,7 @@ scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *
         ok = c->kappa1 && c->kappa2;
     }
     if (ok) threads_run(pool, c->elements.count, THREADS_GRAIN, fit_chunk, c);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     if (ok) return c;
     scaled_curvature_free(c);
     return NULL;

@@ -548,7 +548,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
         rescale(g, sqrt(ratio));
     }
     making_free(&m);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return ok;
 }
 
@@ -567,7 +567,7 @@ static bool take_points(sizing_field *g, const surface *scan, const vec3 *positi
         sum_points(g, scan, position);
     }
     making_free(&m);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return ok;
 }
 

@@ -294,7 +294,7 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
         r->feature = mem_array(scan->cells, sizeof *r->feature, "the grading", e);
         if (!r->feature || !feature_size_measure(scan, &r->samples, pool, r->feature, e)) return false;
     }
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 bool spacing_request_describe_features(const spacing_request *r, spacing_request_features *out, error *e)

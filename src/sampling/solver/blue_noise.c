@@ -724,7 +724,7 @@ static bool step(solver *s, error *e)
     b->corrects = taken >= ENERGY_STEPS;
     if (!update_lists(s, e)) return false;
     threads_run(s->setup.pool, b->active_count, THREADS_GRAIN, step_chunk, s);
-    if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(s->setup.pool, e)) return false;
     const size_t misses = b->corrects ? count_misses(s) : SIZE_MAX;
     /* The sizes were those of the last list build. With new ones all particles are measured again. */
     const bool is_renewed = misses == 0 && solver_renew_sizes(s) > 0;

@@ -331,5 +331,5 @@ bool solver_describe(solver *s, error *e)
     if (!describe_energies(s, e) || !merge_copies(s, e) || !describe_points(s, e) ||
         !s->setup.method->describe(s, e))
         return false;
-    return !threads_stopped(s->setup.pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(s->setup.pool, e);
 }

@@ -124,10 +124,7 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
     s->record.sweep =
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);
     if (!s->record.sweep || !level_plan_make(f, scan, params, &s->state.plan, e)) goto fail;
-    if (threads_stopped(pool)) {
-        error_set(e, ERROR_CANCELLED, "stopped");
-        goto fail;
-    }
+    if (!threads_may_go_on(pool, e)) goto fail;
     size_t capacity = s->scratch.capacity = level_plan_capacity(&s->state.plan);
     s->state.p = particles_new_even(capacity, e);
     s->scratch.relax = solver_new_relax(s, capacity, e);

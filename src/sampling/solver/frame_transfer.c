@@ -363,7 +363,7 @@ static bool build_lists(candidates *c, double reach, error *e)
 {
     if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
         return false;
-    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(c->pool, e);
 }
 
 /* The distance of two candidates in spacings. INFINITY: they are on opposite walls or different patches. */
@@ -449,7 +449,7 @@ static bool carry_all(candidates *c, error *e)
     set_spacings(c, 0);
     if (!p->is_still) c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
     threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
-    if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(c->pool, e)) return false;
     if (!match_curve_samples(c, e)) return false;
     c->count = c->fixed + p->previous_count;
     close_gaps(c);
@@ -568,7 +568,7 @@ static bool draw_places(candidates *c, error *e)
     uint32_t part = 0;
     surface_last_cell last = {.known = false};
     for (size_t k = 0; k < places; k++) {
-        if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(c->pool, e)) return false;
         for (int draw = 0; draw < DRAWS; draw++) {
             vec3 x = draw_place(c, k, places, &r, &last, &part), n;
             if (!land(c, part, &x, &n)) continue;

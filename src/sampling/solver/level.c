@@ -158,7 +158,7 @@ static bool relax_new_parts(solver *s, error *e)
         s->state.lists_stale =
             schedule_wants_lists(s->state.regime->schedule, &at, sums.limited, ++s->state.list_age);
         s->state.skin = schedule_skin(s->state.regime->schedule, sums.rms_step) * s->state.spacing;
-        if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(s->setup.pool, e)) return false;
     }
     return true;
 }

@@ -324,7 +324,7 @@ bool start_place(const field *f, const surface *scan, const solver_params *param
     free(job.is_placed);
     if (!is_begun) return false;
     size_t lost = atomic_load(&job.lost);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     if (lost < p->count)
         return error_set(
             e, ERROR_NO_SURFACE,

@@ -161,7 +161,7 @@ static bool gather_points(const partitions_input *in, const partitions *all, thr
     assert(s->count <= all->most);
     threads_run(pool, spans, 1, copy_spans, &job);
     free(job.begin);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return true;
 }
 

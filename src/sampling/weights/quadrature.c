@@ -341,7 +341,7 @@ bool quadrature_make(const quadrature_input *in, threads *pool, double *weight, 
     for (; ok && *end == QUADRATURE_COMPLETE && j.begin < in->triangle_count; j.begin += BLOCK) {
         const size_t left = in->triangle_count - j.begin, count = left < BLOCK ? left : BLOCK;
         threads_run(pool, count, 8, weigh_chunk, &j);
-        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+        ok = threads_may_go_on(pool, e);
         if (ok) *end = add_block(&j, count, weight, lower_area);
     }
     free(first);

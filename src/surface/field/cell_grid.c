@@ -255,7 +255,7 @@ static bool search_list(search *w, error *e)
     scans all = {w, mem_alloc((chunks + 1) * sizeof *all.of), CHUNK, 1};
     bool ok = !has_too_many(w) || too_fine(w, e);
     if (ok) threads_run(w->pool, chunks, 1, scan_chunk, &all);
-    if (ok && threads_stopped(w->pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(w->pool, e);
     size_t count = 0;
     for (size_t k = 0; k < chunks; k++) count += all.of[k].count;
     if (ok && count > CELL_GRID_MOST) ok = too_fine(w, e);

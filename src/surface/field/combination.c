@@ -376,7 +376,7 @@ static bool find_walls(combination *c, threads *pool, error *e)
         p->walls = mem_array(places_of(p), sizeof *p->walls, "the walls of the combination", e);
         if (!p->walls) return false;
         threads_run(pool, p->field->ops->cell_count(p->field), 512, wall_chunk, &(wall_job){c, p});
-        if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        if (!threads_may_go_on(pool, e)) return false;
     }
     return true;
 }

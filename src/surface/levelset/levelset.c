@@ -44,11 +44,6 @@ typedef struct making {
     vdb_grid *out;
 } making;
 
-static bool may_go_on(const making *k, error *e)
-{
-    return !threads_stopped(k->pool) || error_set(e, ERROR_CANCELLED, "stopped");
-}
-
 static bool over_limit(const making *k, size_t needed, error *e)
 {
     return error_set(
@@ -99,7 +94,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
         index_to_world[4 * axis + 3] = vec3_get(box.min, axis) - origin_gap * size;
     }
     index_to_world[15] = 1;
-    return may_go_on(k, e);
+    return threads_may_go_on(k->pool, e);
 }
 
 /* ---- which blocks are near which groups */
@@ -253,7 +248,7 @@ static bool fill_leaves(making *k, vdb_grid *out, error *e)
     threads_run(k->pool, k->map.count, 16, fill_chunk, k);
     for (size_t word = 0; word < 8 * k->map.count; word++)
         out->active_voxels += (uint64_t)__builtin_popcountll(out->leaf_active[word]);
-    return may_go_on(k, e);
+    return threads_may_go_on(k->pool, e);
 }
 
 /* ---- tiles of the inside beyond the band */
@@ -326,8 +321,8 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
     const mesh_repair_input in = {p->weld * longest / k->voxel_size, out->index_to_world, p->edges, k->pool};
     out->grid_class = VDB_LEVEL_SET;
     out->background = (float)(k->band * k->voxel_size);
-    return mesh_repair_solids(k->m, &in, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
-           may_go_on(k, e) &&
+    return mesh_repair_solids(k->m, &in, &k->solids, k->notes, e) && threads_may_go_on(k->pool, e) &&
+           plan(k, e) && threads_may_go_on(k->pool, e) &&
            winding_make(k->m, k->solids.first, k->solids.solid_count, k->pool, k->limit, &k->columns, e) &&
            fill_leaves(k, out, e) && fill_tiles(k, out, e);
 }

@@ -209,7 +209,7 @@ static bool join_triangles(judging *j, error *e)
     if (edges->branching || edges->against) return join_at_edges(j, e);
     threads_run(j->in->pool, j->m->vertex_count, CHUNK, join_chunk, j);
     threads_run(j->in->pool, j->m->triangle_count, CHUNK, flatten_chunk, j);
-    return !threads_stopped(j->in->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(j->in->pool, e);
 }
 
 /* ---- components */
@@ -270,7 +270,7 @@ static bool number_components(judging *j, error *e)
         if (j->turned.parent[n] == n)
             j->components[found++] = (component){.root = n, .one_sided = j->turned.conflict[n]};
     threads_run(j->in->pool, count, CHUNK, number_chunk, j);
-    return !threads_stopped(j->in->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(j->in->pool, e);
 }
 
 /* Sorts the triangles by component. `rank`: the position of each component. */

@@ -144,7 +144,7 @@ static bool make(triangle_groups *k, const uint32_t *first_of_solid, threads *po
         threads_run(pool, k->count, CHUNK, bound_chunk, k);
     }
     free(group);
-    if (ok && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (ok && !threads_may_go_on(pool, e)) return false;
     return ok;
 }
 

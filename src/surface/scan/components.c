@@ -131,7 +131,7 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
     }
     ok = ok && (threads_stopped(pool) || !*all_placed || note_places(&l, cells, e));
     if (ok && *all_placed) threads_run(pool, cells, CHUNK, join_chunk, &l);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     free(l.at);
     free(l.passed);
     block_map_free(&l.map);
@@ -202,12 +202,12 @@ static bool join_uneven(const field *f, size_t cells, uint32_t *parent, threads 
     bool ok = all.middle && all.edge;
     if (ok) {
         threads_run(pool, cells, CHUNK, look_chunk, &all);
-        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+        ok = threads_may_go_on(pool, e);
     }
     ok = ok && (near = cell_list_new(all.middle, cells, pool, e));
     if (ok) {
         threads_run(pool, cells, CHUNK, join_near_chunk, &(uneven_joins){&all, near, parent});
-        ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+        ok = threads_may_go_on(pool, e);
     }
     cell_list_free(near);
     free(all.middle);

@@ -438,7 +438,7 @@ bool mesh_curvature_prepare(mesh_curvature *c, const uint32_t *triangle, size_t 
         if (!request_triangle(c, triangle[k], e)) return false;
     if (!add_values(c, job.first, e)) return false;
     threads_run(pool, c->count - job.first, GRAIN, fit_chunk, (void *)&job);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 /* ---- values */

@@ -103,12 +103,6 @@ static void normal_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t n = begin; n < end; n++) k->normal[n] = triangle_normal(k, n, &longest);
 }
 
-/* Between two passes over the mesh. */
-static bool may_go_on(const making *k, error *e)
-{
-    return !threads_stopped(k->params->pool) || error_set(e, ERROR_CANCELLED, "stopped");
-}
-
 /* Computes the normals. A triangle that is too thin gets the normal of its neighbour at its longest edge. */
 static bool find_normals(making *k, error *e)
 {
@@ -119,7 +113,7 @@ static bool find_normals(making *k, error *e)
     size_t without = 0;
     int longest = 0;
     threads_run(k->params->pool, m->triangle_count, TRIANGLES, normal_chunk, k);
-    if (!may_go_on(k, e)) return false;
+    if (!threads_may_go_on(k->params->pool, e)) return false;
     for (size_t n = 0; n < m->triangle_count; n++) without += !has_normal(k->normal[n]);
     for (int pass = 0; without > 0 && pass < MOST_PASSES; pass++)
         for (uint32_t n = 0; n < m->triangle_count; n++) {
@@ -365,9 +359,9 @@ static bool cut_edges(making *k, mesh_notes *notes, error *e)
         return false;
     out->feature_angle = find_angle(k, &is_scan);
     out->closed = true;
-    if (!may_go_on(k, e)) return false;
+    if (!threads_may_go_on(k->params->pool, e)) return false;
     mark_cuts(k, out->feature_angle);
-    if (!may_go_on(k, e)) return false;
+    if (!threads_may_go_on(k->params->pool, e)) return false;
     if (!k->params->kind && out->feature_angle > 0 && !discard_features(k, is_scan, notes, e)) return false;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
         for (size_t i = k->edges->first[v], n; i < k->edges->first[v + 1]; i += n) {
@@ -396,7 +390,7 @@ static bool number_patches(making *k, error *e)
         k->patch[n] = orientation_find(&k->turned, n, &turned) == n ? (uint32_t)out->count++ : UINT32_MAX;
     for (uint32_t n = 0; n < triangles; n++)
         if (k->patch[n] == UINT32_MAX) k->patch[n] = k->patch[orientation_find(&k->turned, n, &turned)];
-    if (!may_go_on(k, e)) return false;
+    if (!threads_may_go_on(k->params->pool, e)) return false;
     out->first = mem_array(out->count + 1, sizeof *out->first, what, e);
     out->one_sided = mem_array(out->count, sizeof *out->one_sided, what, e);
     out->reversed = mem_array(out->count, sizeof *out->reversed, what, e);
@@ -535,7 +529,7 @@ static bool make_curves(making *k, error *e)
 {
     mesh_patches *out = k->out;
     if (!list_cuts(k, e)) return false;
-    if (!may_go_on(k, e)) return false;
+    if (!threads_may_go_on(k->params->pool, e)) return false;
     find_corners(k);
     bool *done = mem_array(k->cut_count, sizeof *done, what, e);
     out->curve = mem_array(k->cut_count, sizeof *out->curve, what, e);
@@ -593,12 +587,12 @@ static bool part_vertices(making *k, error *e)
     if (ok) sort_corners(k, set, on_cut);
     out->m.triangle_count = m->triangle_count;
     for (size_t p = 0; ok && p < out->count; p++) to[p] = out->first[p];
-    ok = ok && may_go_on(k, e);
+    ok = ok && threads_may_go_on(k->params->pool, e);
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
         set[c] = sets_root(set, c);
         on_cut[set[c]] |= on_cut[c];
     }
-    ok = ok && may_go_on(k, e);
+    ok = ok && threads_may_go_on(k->params->pool, e);
     for (uint32_t c = 0; ok && c < 3 * m->triangle_count; c++) {
         const uint32_t patch = k->patch[c / 3];
         out->euler[patch] += (set[c] == c && !on_cut[c]) + (c % 3 == 2); /* a vertex; a triangle */
@@ -702,10 +696,11 @@ static void free_curve_scratch(making *k)
 
 static bool make(making *k, mesh_notes *notes, error *e)
 {
-    if (!list_edges(k, notes, e) || !cut_edges(k, notes, e) || !may_go_on(k, e)) return false;
-    if (!number_patches(k, e) || !may_go_on(k, e) || !make_curves(k, e)) return false;
+    if (!list_edges(k, notes, e) || !cut_edges(k, notes, e) || !threads_may_go_on(k->params->pool, e))
+        return false;
+    if (!number_patches(k, e) || !threads_may_go_on(k->params->pool, e) || !make_curves(k, e)) return false;
     free_curve_scratch(k);
-    return may_go_on(k, e) && part_vertices(k, e);
+    return threads_may_go_on(k->params->pool, e) && part_vertices(k, e);
 }
 
 bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *notes, mesh_patches *out,

@@ -158,11 +158,6 @@ static double angle_at(const mesh_surface *s, size_t n, int k)
     return elementary_atan2(vec3_norm(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-static bool may_go_on(const threads *pool, error *e)
-{
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
-}
-
 /* Vertex normals: means of the normals of the incident triangles, weighted by angle. On a one-sided patch
  * they are turned to the side of the first. */
 static bool find_normals(const mesh_surface *s, const threads *pool, vec3 *normal, error *e)
@@ -179,7 +174,7 @@ static bool find_normals(const mesh_surface *s, const threads *pool, vec3 *norma
             }
         }
     for (size_t v = 0; v < m->m.vertex_count; v++) normal[v] = vec3_unit(normal[v]);
-    return may_go_on(pool, e);
+    return threads_may_go_on(pool, e);
 }
 
 static sym3 sym3_axpy(double a, sym3 m, sym3 to)
@@ -243,7 +238,7 @@ static bool find_shapes(mesh_surface *s, const threads *pool, error *e)
         if (weight[v] > 0)
             s->shape[v] = in_plane(sym3_axpy(1 / weight[v], s->shape[v], (sym3){0}), s->at[v].normal);
     free(weight);
-    return may_go_on(pool, e);
+    return threads_may_go_on(pool, e);
 }
 
 /* Averages each vertex's shape operator over a disc of radius SMOOTHED_OVER spacings, approximately: the
@@ -275,7 +270,7 @@ static bool smooth_shapes(mesh_surface *s, double longest, threads *pool, error 
     }
     free(sum);
     free(weight);
-    return ok && may_go_on(pool, e);
+    return ok && threads_may_go_on(pool, e);
 }
 
 /* Sets `beside` and `at_end`. Vertices are shared within a patch only, so that a patch ends at edges of
@@ -826,7 +821,7 @@ static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, con
         const piece all = whole_triangle(n);
         const uint32_t *t = m->triangle[n];
         const size_t number = s->cell_count, stored = s->piece_count;
-        if (!may_go_on(pool, e) ||
+        if (!threads_may_go_on(pool, e) ||
             !cut_piece(s, &all, (vec3[]){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]}, &c, e) ||
             (s->piece_count > stored && !add_divided(s, number, stored, e)))
             return false;
@@ -933,9 +928,9 @@ static bool make(mesh_surface *s, double longest, size_t memory_limit, threads *
     s->at_end = mem_array(m->vertex_count, sizeof *s->at_end, what, e);
     s->beside = mem_array(m->triangle_count, sizeof *s->beside, what, e);
     if (!s->shape || !s->at_end || !s->beside) return false;
-    if (!may_go_on(pool, e) || !find_shapes(s, pool, e) || !smooth_shapes(s, longest, pool, e) ||
-        !find_sides(s, pool, e) || !may_go_on(pool, e) || !cut_pieces(s, longest, memory_limit, pool, e) ||
-        !make_patches(s, pool, e))
+    if (!threads_may_go_on(pool, e) || !find_shapes(s, pool, e) || !smooth_shapes(s, longest, pool, e) ||
+        !find_sides(s, pool, e) || !threads_may_go_on(pool, e) ||
+        !cut_pieces(s, longest, memory_limit, pool, e) || !make_patches(s, pool, e))
         return false;
     s->base.patches = &s->patches;
     return true;

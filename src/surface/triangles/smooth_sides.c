@@ -136,7 +136,7 @@ bool smooth_sides_make(const mesh *m, const uint32_t (*beside)[3], double crease
     const marking job = {out, rounding_reach(&r, (const vec3[]){box.min, box.max, box.max}),
                          isfinite(crease) ? elementary_tan(crease) : INFINITY};
     threads_run(pool, m->triangle_count, GRAIN, mark_chunk, (void *)&job);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 void smooth_sides_free(smooth_sides *s)

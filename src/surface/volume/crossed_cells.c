@@ -85,7 +85,7 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
     made.blocks = mem_array(c->count + 1, sizeof *made.blocks, what, e);
     bool ok = made.blocks;
     if (ok) threads_run(pool, c->count, BLOCKS, count_chunk, &job);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     ok = ok && add_up(&made, e);
     if (ok)
         *out = made;

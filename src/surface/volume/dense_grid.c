@@ -134,11 +134,6 @@ static void mark_layer(work *w, int64_t z)
         }
 }
 
-static bool may_go_on(const work *w, error *e)
-{
-    return !threads_stopped(w->pool) || error_set(e, ERROR_CANCELLED, "stopped");
-}
-
 static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
 {
     *facts = (dense_grid_facts){.lowest = INFINITY, .highest = -INFINITY};
@@ -151,7 +146,7 @@ static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
         note_values(w, z, w->inside[1], facts);
         if (!thin_walls_add(w->walls, w->values, w->isovalue, w->no_data, e)) return false;
         if (z > 0) mark_layer(w, z - 1);
-        if (!may_go_on(w, e)) return false;
+        if (!threads_may_go_on(w->pool, e)) return false;
     }
     facts->walls = thin_walls_take(w->walls);
     return true;
@@ -247,7 +242,7 @@ static bool fill_leaves(work *w, const dense_grid_facts *facts, error *e)
     for (int64_t z = 0; z < w->size[2]; z++) {
         if (!w->source->ops->next(w->source, w->values, e)) return false;
         keep_slice(w, z, facts);
-        if (!may_go_on(w, e)) return false;
+        if (!threads_may_go_on(w->pool, e)) return false;
     }
     return true;
 }
@@ -328,7 +323,7 @@ vdb_grid *dense_grid_make(slices *s, double isovalue, double no_data, size_t mem
         continue_leaves(&w, facts);
         w.grid->background = level_of(&w, facts->lowest);
     }
-    ok = ok && may_go_on(&w, e);
+    ok = ok && threads_may_go_on(w.pool, e);
     end(&w);
     if (ok) return w.grid;
     vdb_grid_free(w.grid);

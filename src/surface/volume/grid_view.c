@@ -166,7 +166,7 @@ static bool look_through(grid_view *l, size_t memory_limit, threads *pool, error
         l->not_finite += job.of_chunk[k].not_finite;
     }
     free(job.of_chunk);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     return made.ok;
 }
 

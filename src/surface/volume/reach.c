@@ -124,6 +124,6 @@ bool reach_add_blocks(const crossings *c, reach_limits limits, threads *pool, bl
         block_map_free(&job.parts[k].map);
     }
     free(job.parts);
-    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    ok = ok && threads_may_go_on(pool, e);
     return ok;
 }

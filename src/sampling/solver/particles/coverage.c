@@ -169,7 +169,7 @@ bool coverage_measure(const surface *scan, const vec3 *position, const double *s
         for (int k = 0; k < threads_count(pool); k++) farthest[part] = fmax(farthest[part], job.farthest[k]);
     }
     cell_list_free(job.points);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 static bool add_place(coverage_gaps *p, vec3 x, uint32_t patch, error *e)

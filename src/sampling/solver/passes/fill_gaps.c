@@ -291,7 +291,7 @@ static bool fill_all_gaps(solver *s, bool *changed, error *e)
         *changed |= moves > 0;
         free(d.near);
         coverage_gaps_free(&gaps);
-        if (ok && threads_stopped(s->setup.pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+        ok = ok && threads_may_go_on(s->setup.pool, e);
     }
     free(spacing);
     free(d.immovable);

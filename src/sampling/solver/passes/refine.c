@@ -140,7 +140,7 @@ static bool fill_mesh(const particles *p, double spacing, threads *pool, mesh *o
         return false;
     out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near, out->flags, NULL};
     threads_run(pool, p->count, CHUNK, count_chunk, out);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (!threads_may_go_on(pool, e)) return false;
     for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];
     out->count = out->first[chunks];
     return true;
@@ -513,7 +513,7 @@ static bool insert_midpoints(const field *f, const refine_patches *patches, cons
         p->count += job.kept[k];
     }
     free(first);
-    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(pool, e);
 }
 
 /* Draws the missing particles at random on the surface. */

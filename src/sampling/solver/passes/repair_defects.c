@@ -417,7 +417,7 @@ static bool repair_once(repair *m, double *gain, bool *changed, error *e)
         choose_outcomes(m);
         *gain += apply_outcomes(m, changed);
     }
-    return !threads_stopped(s->setup.pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    return threads_may_go_on(s->setup.pool, e);
 }
 
 static bool begin(repair *m, solver *s, error *e)
