@@ -62,11 +62,6 @@ typedef struct plane {
     double height;   /* triangle's height over its longest side */
 } plane;
 
-static void corners_of(const mesh *m, uint32_t t, vec3 corner[3])
-{
-    for (int k = 0; k < 3; k++) corner[k] = m->vertex[m->triangle[t][k]];
-}
-
 static plane plane_of(const vec3 corner[3])
 {
     double longest2 = 0;
@@ -127,8 +122,8 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
             vec3 a[3], b[3];
             n = mesh_edges_width(edges, v, k);
             if (n != 2) continue;
-            corners_of(c->m, s[0].triangle, a);
-            corners_of(c->m, s[1].triangle, b);
+            mesh_get_corners(c->m, s[0].triangle, a);
+            mesh_get_corners(c->m, s[1].triangle, b);
             if (is_one_plane(c, a, b) && !is_folded(c, v, s))
                 sets_join(c->part_of, s[0].triangle, s[1].triangle);
         }
@@ -143,7 +138,7 @@ static bool join_parts(cutting *c, const mesh_edges *edges, error *e)
 static void widen(const cutting *c, double scale, uint32_t t, part *p)
 {
     vec3 corner[3];
-    corners_of(c->m, t, corner);
+    mesh_get_corners(c->m, t, corner);
     const double reach = rounding_reach(c->r, corner);
     for (int k = 0; k < 3; k++) p->box = bbox_unite(p->box, bbox_grow((bbox){corner[k], corner[k]}, reach));
     const plane f = plane_of(corner);
@@ -218,8 +213,8 @@ static bool overlap(const cutting *c, uint32_t s, uint32_t t)
 {
     const vec3 normal = c->normal[c->part_of[s]];
     vec3 a[3], b[3];
-    corners_of(c->l.m, s, a);
-    corners_of(c->l.m, t, b);
+    mesh_get_corners(c->l.m, s, a);
+    mesh_get_corners(c->l.m, t, b);
     const double most = -COPLANAR_THIN * reach_of(c, a, b);
     return gap_beyond(a, normal, b) < most && gap_beyond(b, normal, a) < most;
 }
@@ -228,8 +223,8 @@ static bool overlap(const cutting *c, uint32_t s, uint32_t t)
 static bool overlap_in_plane(const cutting *c, uint32_t s, uint32_t t)
 {
     vec3 a[3], b[3];
-    corners_of(c->m, s, a);
-    corners_of(c->m, t, b);
+    mesh_get_corners(c->m, s, a);
+    mesh_get_corners(c->m, t, b);
     return is_one_plane(c, a, b) && overlap(c, s, t);
 }
 
@@ -244,7 +239,7 @@ static bool push_pair(cutting *c, uint32_t s, uint32_t t, error *e)
 static bbox box_of(const cutting *c, uint32_t t)
 {
     vec3 corner[3];
-    corners_of(c->m, t, corner);
+    mesh_get_corners(c->m, t, corner);
     const bbox tight =
         bbox_include(bbox_include(bbox_include(bbox_empty(), corner[0]), corner[1]), corner[2]);
     return bbox_grow(tight, rounding_reach(c->r, corner));
@@ -561,7 +556,7 @@ static step meet_corner(cutting *c, uint32_t s, uint32_t t, double reach, error 
         const vec3 x = c->l.m->vertex[v];
         vec3 place[3];
         if (linked_mesh_corner(corner, v) >= 0) continue;
-        corners_of(c->l.m, t, place);
+        mesh_get_corners(c->l.m, t, place);
         for (int i = 0; i < 3; i++)
             if (vec3_norm(vec3_sub(place[i], x)) <= COPLANAR_THIN * reach) {
                 join(c, corner[i], v);
@@ -632,8 +627,8 @@ static bool treat_pair(cutting *c, uint32_t s, uint32_t t, error *e)
     if (c->l.dead[s] || c->l.dead[t]) return push_children(c, s, t, e);
     if (!overlap(c, s, t)) return true;
     vec3 a[3], b[3];
-    corners_of(c->l.m, s, a);
-    corners_of(c->l.m, t, b);
+    mesh_get_corners(c->l.m, s, a);
+    mesh_get_corners(c->l.m, t, b);
     const double reach = reach_of(c, a, b);
     step did = meet_corner(c, s, t, reach, e);
     if (did == STEP_NONE) did = meet_corner(c, t, s, reach, e);
@@ -683,13 +678,6 @@ static int by_triangle(const void *left, const void *right)
     const cover *a = left, *b = right;
     if (a->triangle != b->triangle) return a->triangle < b->triangle ? -1 : 1;
     return (a->part > b->part) - (a->part < b->part);
-}
-
-static vec3 across(const mesh *m, uint32_t t)
-{
-    vec3 corner[3];
-    corners_of(m, t, corner);
-    return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
 }
 
 /* A triangle with all parts that contain it. Congruent triangles of different parts list the same parts. */
@@ -769,7 +757,7 @@ static bool find_contacts(const cutting *c, place *places, size_t count, error *
  * adds half. */
 static void drop_place(cutting *c, const place *p, coplanar_overlap *out)
 {
-    const double area = 0.5 * vec3_norm(across(c->l.m, p->triangle));
+    const double area = 0.5 * vec3_norm(mesh_across(c->l.m, p->triangle));
     if (p->face == CONTACTS_REMAINS || (p->face == CONTACTS_NEEDED && is_first(c, p, true))) return;
     if (p->face == CONTACTS_CANCELS)
         out->contact += area / 2;
@@ -808,7 +796,7 @@ static bool cut_all(cutting *c, mesh *m, coplanar_overlap *out, error *e)
     c->part_room = c->turned_room = m->triangle_count;
     c->turned = mem_array(m->triangle_count, sizeof *c->turned, what, e);
     for (uint32_t t = 0; c->turned && t < m->triangle_count; t++)
-        c->turned[t] = vec3_dot(across(m, t), c->normal[c->part_of[t]]) < 0;
+        c->turned[t] = vec3_dot(mesh_across(m, t), c->normal[c->part_of[t]]) < 0;
     c->children = mem_array(m->triangle_count, sizeof *c->children, what, e);
     c->children_room = c->children_count = m->triangle_count;
     return c->turned && c->children && treat_pairs(c, e) && (c->unfinished || drop_covered(c, out, e));

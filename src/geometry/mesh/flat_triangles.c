@@ -34,11 +34,6 @@ typedef struct removing {
     size_t count, room;
 } removing;
 
-static void corners_of(const mesh *m, const uint32_t t[3], vec3 corner[3])
-{
-    for (int k = 0; k < 3; k++) corner[k] = m->vertex[t[k]];
-}
-
 static bool is_same(vec3 a, vec3 b)
 {
     return a.x == b.x && a.y == b.y && a.z == b.z;
@@ -78,7 +73,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 corner[3];
         int longest, shortest;
         double length2, least2;
-        corners_of(l->m, l->m->triangle[n], corner);
+        mesh_get_corners(l->m, n, corner);
         found = is_flat(corner, rounding_reach(&l->r, corner), &longest, &length2, &shortest, &least2);
     }
     if (found) atomic_store_explicit(&l->found, true, memory_order_relaxed);
@@ -141,7 +136,7 @@ static shape shape_of(const removing *r, uint32_t t)
 {
     shape s = {0};
     vec3 corner[3];
-    corners_of(r->l.m, r->l.m->triangle[t], corner);
+    mesh_get_corners(r->l.m, t, corner);
     s.error = rounding_reach(&r->r, corner);
     s.flat = is_flat(corner, s.error, &s.longest, &s.length2, &s.shortest, &s.least2);
     return s;

@@ -36,10 +36,7 @@ bbox mesh_box(const mesh *m, threads *pool)
 double mesh_area(const mesh *m)
 {
     double twice = 0;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-        twice += vec3_norm(vec3_cross(ab, vec3_sub(m->vertex[m->triangle[n][2]], a)));
-    }
+    for (size_t n = 0; n < m->triangle_count; n++) twice += vec3_norm(mesh_across(m, n));
     return twice / 2;
 }
 

@@ -250,12 +250,6 @@ typedef struct repeated {
     double cancelled;
 } repeated;
 
-static double area_of(const mesh *m, const uint32_t t[3])
-{
-    const vec3 a = m->vertex[t[0]];
-    return 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
-}
-
 /* Keeps one of the equal triangles that cancel where they are no contact, or in components of the mesh that are open if
  * only closed ones have contacts: its balance becomes 1. */
 static bool keep_needed(const mesh *m, const uint32_t *first, int32_t *balance, bool if_closed, error *e)
@@ -303,7 +297,7 @@ static bool drop_repeated(mesh *m, mesh_cancelled cancelled, repeated *out, erro
         ok = keeps || keep_needed(m, first, balance, cancelled == MESH_DROP_IF_CLOSED, e);
         for (uint32_t n = 0; ok && !keeps && n < all; n++) {
             gone += balance[first[n]] == 0;
-            if (first[n] == n && balance[n] == 0) out->cancelled += area_of(m, m->triangle[n]);
+            if (first[n] == n && balance[n] == 0) out->cancelled += 0.5 * vec3_norm(mesh_across(m, n));
         }
         if (ok) m->triangle_count = keep_distinct(m, first, balance, keeps);
         out->triangles = all - m->triangle_count - gone;

@@ -13,6 +13,12 @@ typedef struct triangle {
     vec3 a, b, c;
 } triangle;
 
+/* The normal of a triangle, as long as twice its area. */
+static inline vec3 triangle_across(vec3 a, vec3 b, vec3 c)
+{
+    return vec3_cross(vec3_sub(b, a), vec3_sub(c, a));
+}
+
 static inline bbox triangle_box(const triangle *t)
 {
     return bbox_include(bbox_include(bbox_include(bbox_empty(), t->a), t->b), t->c);

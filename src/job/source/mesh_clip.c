@@ -82,7 +82,7 @@ bool mesh_clip(mesh *m, bbox box, error *e)
     for (size_t n = 0; ok && n < m->triangle_count; n++) {
         vec3 corner[MOST_CORNERS];
         int count = 3;
-        for (int k = 0; k < 3; k++) corner[k] = m->vertex[m->triangle[n][k]];
+        mesh_get_corners(m, n, corner);
         for (int axis = 0; axis < 3; axis++) {
             count = cut(corner, count, axis, vec3_get(box.min, axis), true);
             count = cut(corner, count, axis, vec3_get(box.max, axis), false);

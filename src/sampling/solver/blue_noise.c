@@ -361,12 +361,6 @@ typedef struct far_place {
     vec3 d;          /* from the particle */
 } far_place;
 
-/* The normal of a triangle, as long as twice its area. */
-static vec3 twice_area(const vec3 corner[3])
-{
-    return vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
-}
-
 /* Takes the farthest corner of the part of a facet in the cell and in the cube, if it is farther than *far.
  * The distance in space has its maximum there. */
 static void examine_facet(const solver *s, const surroundings *a, const bbox *cube, const facet *f,
@@ -380,7 +374,7 @@ static void examine_facet(const solver *s, const surroundings *a, const bbox *cu
         box = bbox_include(box, part.corner[c]);
     }
     if (!bbox_meet(&box, cube) || farthest_corner2(&part) <= far->distance * far->distance) return;
-    const vec3 normal = vec3_unit(twice_area(f->corner));
+    const vec3 normal = vec3_unit(triangle_across(f->corner[0], f->corner[1], f->corner[2]));
     if (is_opposite(s->state.p, a->own, f->patch, normal) || is_outside_cell(s, a, f->patch, normal, &part))
         return;
     cut_to_box(&part, cube);
@@ -761,7 +755,7 @@ static void add_facets(const surface *scan, size_t k, facet *out, size_t *count)
     vec3 corner[FIELD_CELL_TRIANGLES][3];
     const int triangles = surface_cell_triangles(scan, k, corner);
     for (int t = 0; t < triangles; t++) {
-        if (!(vec3_norm2(twice_area(corner[t])) > 0)) continue;
+        if (!(vec3_norm2(triangle_across(corner[t][0], corner[t][1], corner[t][2])) > 0)) continue;
         facet *f = &out[(*count)++];
         memcpy(f->corner, corner[t], sizeof f->corner);
         f->patch = surface_cell_patch(scan, k, field_triangle_middle(corner[t]));

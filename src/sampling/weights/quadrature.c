@@ -121,13 +121,6 @@ static size_t find_near(const job *j, const uint32_t corner[3], workspace *w)
 
 /* ---- the projection */
 
-static vec3 cross_of(const quadrature_input *in, size_t triangle)
-{
-    const uint32_t *c = in->triangle[triangle];
-    const vec3 a = in->position[c[0]];
-    return vec3_cross(vec3_sub(in->position[c[1]], a), vec3_sub(in->position[c[2]], a));
-}
-
 /* The normal of the cutting plane of the side from point `from` to point `to` of a triangle with unit normal
  * `own`. */
 static vec3 cutting_normal(const job *j, vec3 own, uint32_t from, uint32_t to)
@@ -135,7 +128,9 @@ static vec3 cutting_normal(const job *j, vec3 own, uint32_t from, uint32_t to)
     vec3 mean = own;
     for (size_t k = j->first[to]; k < j->first[to + 1]; k++)
         if (j->fan[k].to == from) {
-            mean = vec3_add(own, vec3_unit(cross_of(j->in, j->fan[k].triangle)));
+            const uint32_t *c = j->in->triangle[j->fan[k].triangle];
+            const vec3 *x = j->in->position;
+            mean = vec3_add(own, vec3_unit(triangle_across(x[c[0]], x[c[1]], x[c[2]])));
             break;
         }
     return vec3_cross(mean, vec3_sub(j->in->position[to], j->in->position[from]));

@@ -60,8 +60,7 @@ void label_graph_normals(const mesh *m, vec3 *out)
     for (size_t v = 0; v < m->vertex_count; v++) out[v] = (vec3){0, 0, 0};
     for (size_t n = 0; n < m->triangle_count; n++) {
         const uint32_t *t = m->triangle[n];
-        const vec3 across = vec3_cross(vec3_sub(m->vertex[t[1]], m->vertex[t[0]]),
-                                       vec3_sub(m->vertex[t[2]], m->vertex[t[0]]));
+        const vec3 across = mesh_across(m, n);
         for (int k = 0; k < 3; k++) out[t[k]] = vec3_add(out[t[k]], across);
     }
 }

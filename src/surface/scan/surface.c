@@ -684,10 +684,7 @@ surface *surface_scan(const field *f, threads *pool, error *e)
         goto fail;
     for (size_t k = 0; k < workers; k++) job.box[k] = bbox_empty();
     bent_settle(s->area_before + 1, s->cells, GRAIN, job.bent, scan_cells(&job, chunks, pool));
-    if (threads_stopped(pool)) {
-        error_set(e, ERROR_CANCELLED, "stopped");
-        goto fail;
-    }
+    if (!threads_may_go_on(pool, e)) goto fail;
     s->box = bbox_empty();
     for (size_t k = 0; k < workers; k++) s->box = bbox_unite(s->box, job.box[k]);
     for (size_t k = 0; k < s->cells; k++) s->area_before[k + 1] += s->area_before[k];

@@ -74,13 +74,6 @@ size_t mesh_curvature_jets(const mesh_curvature *c)
     return c->count;
 }
 
-static vec3 cross_of(const mesh *m, uint32_t n)
-{
-    const uint32_t *t = m->triangle[n];
-    const vec3 *v = m->vertex;
-    return vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
-}
-
 /* ---- requests */
 
 /* The mean normal of a sector, weighted by area, on the side of `triangle`. *is_flat: the sector lies in a plane
@@ -92,7 +85,7 @@ static vec3 sector_normal(const mesh_curvature *c, uint32_t triangle, int corner
     vec3 sum = {0, 0, 0};
     *is_flat = true;
     do {
-        if (!w.is_again) sum = vec3_axpy(w.at.is_reversed ? -1 : 1, cross_of(s->m, w.at.triangle), sum);
+        if (!w.is_again) sum = vec3_axpy(w.at.is_reversed ? -1 : 1, mesh_across(s->m, w.at.triangle), sum);
         *is_flat &= sector_is_coplanar(s, &w.at) || smooth_sides_is_crease(s, w.at.triangle, w.at.side);
     } while (sector_walk_next(s, &w));
     *is_flat &= w.is_open;
@@ -176,7 +169,7 @@ static void visit(neighbourhood *n, uint32_t slot, visited v)
 /* Whether the angle between the normal of a triangle and that of the vertex is small enough. */
 static bool is_facing(const neighbourhood *n, uint32_t triangle, bool is_reversed)
 {
-    const vec3 cross = cross_of(n->c->sides.m, triangle);
+    const vec3 cross = mesh_across(n->c->sides.m, triangle);
     const double up = vec3_dot(cross, n->normal) * (is_reversed ? -1 : 1);
     return up > 0 && up * up >= LEAST_COSINE * LEAST_COSINE * vec3_norm2(cross);
 }
@@ -518,7 +511,7 @@ static void for_each_corner(const mesh_curvature *c, uint32_t triangle, const do
 
 mesh_curvature_value mesh_curvature_at(const mesh_curvature *c, uint32_t triangle, const double weight[3])
 {
-    const vec3 own = vec3_unit(cross_of(c->sides.m, triangle));
+    const vec3 own = vec3_unit(mesh_across(c->sides.m, triangle));
     const mesh_curvature_value flat = {.defined = true, .normal = own}, unknown = {.normal = own};
     if (!mesh_facets_is_single(&c->facets, triangle) && mesh_facets_of(&c->facets, triangle)->is_apart)
         return flat;

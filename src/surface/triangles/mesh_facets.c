@@ -50,8 +50,7 @@ static vec3 normal_of(const mesh_facets *f)
     const mesh *m = f->sides->m;
     vec3 sum = {0, 0, 0};
     for (size_t k = 0; k < f->queue_count; k++) {
-        const uint32_t *t = m->triangle[f->queue[k]];
-        const vec3 *v = m->vertex, cross = vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
+        const vec3 cross = mesh_across(m, f->queue[k]);
         sum = vec3_axpy(vec3_dot(sum, cross) < 0 ? -1 : 1, cross, sum);
     }
     return vec3_unit(sum);
@@ -101,9 +100,7 @@ static uint32_t index_of(const found_corner *list, size_t count, uint32_t vertex
 static sector_step side_from(const mesh_facets *f, const mesh_facet *facet, uint32_t n, int side)
 {
     const smooth_sides *s = f->sides;
-    const uint32_t *t = s->m->triangle[n];
-    const vec3 *v = s->m->vertex, cross = vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
-    const bool ahead = vec3_dot(cross, facet->normal) >= 0;
+    const bool ahead = vec3_dot(mesh_across(s->m, n), facet->normal) >= 0;
     return sector_begin(s, n, ahead ? side : (side + 1) % 3, ahead);
 }
 

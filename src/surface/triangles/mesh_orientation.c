@@ -153,11 +153,6 @@ static bool keep_majority(parts *s, error *e)
 
 /* ---- the outside of closed parts */
 
-static void corners_of(const mesh *m, size_t triangle, vec3 out[3])
-{
-    for (int c = 0; c < 3; c++) out[c] = m->vertex[m->triangle[triangle][c]];
-}
-
 static void measure_parts(parts *s)
 {
     for (uint32_t p = 0; p < s->p->count; p++) s->box[p] = bbox_empty();
@@ -165,7 +160,7 @@ static void measure_parts(parts *s)
     for (uint32_t p = 0; p < s->p->count; p++)
         for (size_t n = s->p->first[p]; n < s->p->first[p + 1]; n++) {
             vec3 c[3];
-            corners_of(&s->p->m, n, c);
+            mesh_get_corners(&s->p->m, n, c);
             const double volume =
                 vec3_dot(vec3_sub(c[0], origin), vec3_cross(vec3_sub(c[1], origin), vec3_sub(c[2], origin)));
             s->volume[s->root[p]] += s->turned[p] ? -volume : volume;
@@ -200,7 +195,7 @@ static bool is_inside(const parts *s, vec3 x, uint32_t outer)
         for (uint32_t p = 0; p < s->p->count; p++)
             for (size_t n = s->p->first[p]; s->root[p] == outer && n < s->p->first[p + 1]; n++) {
                 vec3 c[3];
-                corners_of(&s->p->m, n, c);
+                mesh_get_corners(&s->p->m, n, c);
                 odd ^= crosses(c, x, RAY[r]);
             }
         votes += odd;
@@ -213,7 +208,7 @@ static uint32_t outermost(const parts *s, uint32_t part)
 {
     vec3 c[3];
     uint32_t found = part;
-    corners_of(&s->p->m, s->p->first[part], c);
+    mesh_get_corners(&s->p->m, s->p->first[part], c);
     const vec3 x = vec3_scale(vec3_add(c[0], vec3_add(c[1], c[2])), 1.0 / 3);
     for (uint32_t k = 0; k < s->p->count; k++)
         if (k != part && s->root[k] == k && s->is_closed[k] && is_in_box(&s->box[found], &s->box[k]) &&

@@ -135,21 +135,7 @@ size_t mesh_place_find_each(const triangle_forest *trees, vec3 x, double within,
     return c.count;
 }
 
-static triangle triangle_at(const mesh *m, const mesh_place *place)
-{
-    const uint32_t *t = m->triangle[place->triangle];
-    return (triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
-}
-
-vec3 mesh_place_position(const mesh *m, const mesh_place *place)
-{
-    const triangle t = triangle_at(m, place);
-    const double *w = place->weight;
-    return vec3_axpy(w[2], t.c, vec3_axpy(w[1], t.b, vec3_scale(t.a, w[0])));
-}
-
 vec3 mesh_place_normal(const mesh *m, const mesh_place *place)
 {
-    const triangle t = triangle_at(m, place);
-    return vec3_unit(vec3_cross(vec3_sub(t.b, t.a), vec3_sub(t.c, t.a)));
+    return vec3_unit(mesh_across(m, place->triangle));
 }

@@ -52,8 +52,7 @@ typedef struct mesh_place_in {
 size_t mesh_place_find_each(const triangle_forest *trees, vec3 x, double within, size_t most,
                             mesh_place_in *out);
 
-/* The position of the place on its mesh, and the unit normal of its triangle (0 without area). */
-vec3 mesh_place_position(const mesh *m, const mesh_place *place);
+/* The unit normal of the triangle of the place; 0 without area. */
 vec3 mesh_place_normal(const mesh *m, const mesh_place *place);
 
 #endif

@@ -52,8 +52,7 @@ static void side_vertices(const mesh *m, const mesh_side *s, int k, uint32_t out
 static bool is_bent(const mesh *m, const vec3 *normal, size_t n)
 {
     const uint32_t *t = m->triangle[n];
-    const vec3 *v = m->vertex,
-               own = vec3_unit(vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]])));
+    const vec3 own = vec3_unit(mesh_across(m, n));
     bool bent = false;
     for (int k = 0; k < 3; k++) bent |= vec3_norm(vec3_cross(own, normal[t[k]])) > least_bend;
     return bent;

@@ -142,13 +142,6 @@ static bool is_one_sided(const mesh_surface *s, size_t n)
 
 /* ---- normals and shape operators */
 
-static vec3 across(const mesh_surface *s, size_t n)
-{
-    const uint32_t *t = s->mesh.m.triangle[n];
-    const vec3 *v = s->mesh.m.vertex;
-    return vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
-}
-
 /* The angle of a triangle at its corner k. */
 static double angle_at(const mesh_surface *s, size_t n, int k)
 {
@@ -165,7 +158,7 @@ static bool find_normals(const mesh_surface *s, const threads *pool, vec3 *norma
     const mesh_patches *m = &s->mesh;
     for (size_t p = 0; p < m->count; p++)
         for (size_t n = m->first[p]; n < m->first[p + 1] && !threads_stopped(pool); n++) {
-            const vec3 unit = vec3_unit(across(s, n));
+            const vec3 unit = vec3_unit(mesh_across(&s->mesh.m, n));
             const double a = angle_at(s, n, 0), b = angle_at(s, n, 1),
                          angle[3] = {a, b, fmax(M_PI - a - b, 0)};
             for (int k = 0; k < 3; k++) {
@@ -221,7 +214,7 @@ static bool find_shapes(mesh_surface *s, const threads *pool, error *e)
     if (!weight) return false;
     for (size_t n = 0; n < m->triangle_count && !threads_stopped(pool); n++) {
         const uint32_t *t = m->triangle[n];
-        const vec3 cross = across(s, n);
+        const vec3 cross = mesh_across(&s->mesh.m, n);
         double longest2 = 0, area = vec3_norm(cross);
         for (int k = 0; k < 3; k++)
             longest2 = fmax(longest2, vec3_norm2(vec3_sub(m->vertex[t[k]], m->vertex[t[(k + 1) % 3]])));
@@ -463,7 +456,8 @@ static void sample_triangle(const mesh_surface *s, size_t n, const double weight
 /* Whether x lies on triangle n within `touching`. `weight`: barycentric weights of its projection. */
 static bool touches(const mesh_surface *s, uint32_t n, vec3 x, const double weight[3])
 {
-    const vec3 cross = across(s, n), off = vec3_sub(x, s->mesh.m.vertex[s->mesh.m.triangle[n][0]]);
+    const vec3 cross = mesh_across(&s->mesh.m, n),
+               off = vec3_sub(x, s->mesh.m.vertex[s->mesh.m.triangle[n][0]]);
     const double up = vec3_dot(off, cross), near = touching * s->base.extent;
     return fmin(weight[0], fmin(weight[1], weight[2])) > 0 && up * up <= near * near * vec3_norm2(cross);
 }

@@ -71,13 +71,6 @@ typedef struct marking {
     double crease; /* tangent of the angle; INFINITY: no angle */
 } marking;
 
-static vec3 cross_of(const mesh *m, size_t n)
-{
-    const uint32_t *t = m->triangle[n];
-    const vec3 *v = m->vertex;
-    return vec3_cross(vec3_sub(v[t[1]], v[t[0]]), vec3_sub(v[t[2]], v[t[0]]));
-}
-
 /* Whether a place lies in the plane across `normal` through another place, up to rounding. */
 static bool is_in_plane(const marking *k, vec3 normal, vec3 through, vec3 x)
 {
@@ -98,7 +91,7 @@ static unsigned bits_of(const marking *job, size_t n, int k, vec3 own)
     const uint32_t next = s->beside[n][k];
     if (next == NO_TRIANGLE) return SMOOTH_SIDES_CREASE;
     const uint32_t *t = s->m->triangle[n], a = t[k], b = t[k < 2 ? k + 1 : 0], far = t[k > 0 ? k - 1 : 2];
-    const vec3 *v = s->m->vertex, other = cross_of(s->m, next);
+    const vec3 *v = s->m->vertex, other = mesh_across(s->m, next);
     const uint32_t *u = s->m->triangle[next];
     const unsigned across = opposite(u, a, b), shared = (across + 1) % 3;
     const bool is_reversed = u[shared] == a;
@@ -119,7 +112,7 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
     const marking *job = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
-        const vec3 own = cross_of(job->s->m, n);
+        const vec3 own = mesh_across(job->s->m, n);
         for (int k = 0; k < 3; k++) job->s->bits[n][k] = (uint8_t)bits_of(job, n, k, own);
     }
 }
