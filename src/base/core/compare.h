@@ -3,6 +3,8 @@
 #ifndef HEXAD_BASE_CORE_COMPARE_H
 #define HEXAD_BASE_CORE_COMPARE_H
 
+#include <stdint.h>
+
 /* Ascending doubles; NaN is not permitted. */
 static inline int compare_doubles(const void *a, const void *b)
 {
@@ -13,6 +15,12 @@ static inline int compare_doubles(const void *a, const void *b)
 static inline int compare_ints(const void *a, const void *b)
 {
     int x = *(const int *)a, y = *(const int *)b;
+    return (x > y) - (x < y);
+}
+
+static inline int compare_uint32(const void *a, const void *b)
+{
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
     return (x > y) - (x < y);
 }
 

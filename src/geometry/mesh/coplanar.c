@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 #include "base/core/sets.h"
 #include "geometry/mesh/contacts.h"
@@ -368,12 +369,6 @@ static void walk(part_search *s, size_t begin, size_t end)
     walk(s, middle + 1, end);
 }
 
-static int by_number(const void *left, const void *right)
-{
-    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
-    return (a > b) - (a < b);
-}
-
 /* Pairs the parts in ascending order of both, as pair_in_order does. */
 static bool pair_by_intervals(cutting *c, int direction, interval *list, error *e)
 {
@@ -387,7 +382,7 @@ static bool pair_by_intervals(cutting *c, int direction, interval *list, error *
         s.high = own->high[direction];
         s.count = 0;
         walk(&s, 0, c->part_count);
-        qsort(s.found, s.count, sizeof *s.found, by_number);
+        qsort(s.found, s.count, sizeof *s.found, compare_uint32);
         for (size_t k = 0; ok && k < s.count; k++) ok = pair_parts(c, own, &c->parts[s.found[k]], e);
     }
     free(s.found);

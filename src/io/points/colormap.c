@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/elementary.h"
 #include "base/core/memory.h"
 
@@ -55,12 +56,6 @@ double colormap_linear(double srgb)
     return srgb <= 0.04045 ? srgb / 12.92 : elementary_pow((srgb + 0.055) / 1.055, 2.4);
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 bool colormap_scale_of(const double *values, size_t count, bool root, double least, colormap_scale *out,
                        error *e)
 {
@@ -69,7 +64,7 @@ bool colormap_scale_of(const double *values, size_t count, bool root, double lea
     if (!sorted) return false;
     for (size_t i = 0; i < samples; i++)
         sorted[i] = values[samples == count ? i : (size_t)((double)i / (double)samples * (double)count)];
-    qsort(sorted, samples, sizeof *sorted, compare);
+    qsort(sorted, samples, sizeof *sorted, compare_doubles);
     double low = samples ? sorted[(size_t)(low_share * (double)(samples - 1))] : 0;
     double high = samples ? sorted[(size_t)ceil(high_share * (double)(samples - 1))] : 1;
     free(sorted);

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 #include "io/points/colormap.h"
 #include "io/points/property.h"
@@ -59,12 +60,6 @@ static void name_array(const property *p, char name[80])
     for (char *c = name; *c; c++) *c = (char)toupper((unsigned char)*c);
 }
 
-static int by_value(const void *left, const void *right)
-{
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 static table make_table(const property *p, size_t rows)
 {
     table t = {0};
@@ -73,7 +68,7 @@ static table make_table(const property *p, size_t rows)
     t.value = mem_alloc(all * sizeof *t.value);
     for (size_t k = 0; k < all; k++)
         t.value[k] = property_value(p, k / (size_t)p->components, (int)(k % (size_t)p->components));
-    qsort(t.value, all, sizeof *t.value, by_value);
+    qsort(t.value, all, sizeof *t.value, compare_doubles);
     for (size_t k = 0; k < all; k++)
         if (t.count == 0 || t.value[k] != t.value[t.count - 1]) t.value[t.count++] = t.value[k];
     return t;
@@ -111,7 +106,7 @@ static float number(const arrays *a, size_t k, vec3 origin, size_t point, int c)
     if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
     if (t->count > 0)
         value =
-            (double)((const double *)bsearch(&value, t->value, t->count, sizeof value, by_value) - t->value);
+            (double)((const double *)bsearch(&value, t->value, t->count, sizeof value, compare_doubles) - t->value);
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
     return (float)value;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 
 enum { KEPT = 1 << 20, BINS = 32, FINE_BINS = 1024 };
@@ -84,12 +85,6 @@ void value_statistics_describe(const values *v, json *object)
         json_append_number(histogram, (double)bin[k] / v->kept_count);
 }
 
-static int compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double quantile(const double *sorted, size_t count, double share)
 {
     return sorted[(size_t)(share * (double)(count - 1))];
@@ -159,7 +154,7 @@ size_t value_statistics_candidates(values *v, double out[VALUE_STATISTICS_CANDID
 {
     size_t count = 0, begin = 0;
     if (v->kept_count == 0 || !(v->highest > v->lowest)) return 0;
-    qsort(v->kept, v->kept_count, sizeof *v->kept, compare);
+    qsort(v->kept, v->kept_count, sizeof *v->kept, compare_doubles);
     double tried[VALUE_STATISTICS_CANDIDATES] = {otsu(v->kept, v->kept_count)};
     if (most_frequent(v->kept, v->kept_count, &begin) <= FREQUENT || begin == v->kept_count) begin = 0;
     for (int k = 1; k < VALUE_STATISTICS_CANDIDATES; k++)

@@ -9,6 +9,7 @@
 #include <immintrin.h>
 #endif
 
+#include "base/core/compare.h"
 #include "base/core/isa.h"
 #include "base/core/memory.h"
 #include "geometry/space/bbox.h"
@@ -639,12 +640,6 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
 /* Number of bins along an axis from which on gaps are narrowed. */
 static const double many_bins = 1 << 14;
 
-static int by_value(const void *left, const void *right)
-{
-    const double a = *(const double *)left, b = *(const double *)right;
-    return (a > b) - (a < b);
-}
-
 vec3 neighbours_narrowed(const neighbours *n, vec3 x)
 {
     double at[3] = {x.x, x.y, x.z};
@@ -673,7 +668,7 @@ static bool find_gaps(neighbours *n, int axis, const vec3 *x, double margin, dou
     free(n->gap[axis]);
     n->gap[axis] = NULL;
     for (size_t i = 0; i < n->count; i++) scratch[i] = vec3_get(x[i], axis);
-    qsort(scratch, n->count, sizeof *scratch, by_value);
+    qsort(scratch, n->count, sizeof *scratch, compare_doubles);
     for (size_t i = 1; i < n->count; i++) {
         const double width = scratch[i] - scratch[i - 1];
         if (width <= 2 * margin) continue;

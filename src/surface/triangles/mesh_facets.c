@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 
 static const char what[] = "the facets of a mesh";
@@ -38,12 +39,6 @@ static bool add_triangle(mesh_facets *f, uint32_t triangle, error *e)
     return true;
 }
 
-static int by_index(const void *a, const void *b)
-{
-    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return (x > y) - (x < y);
-}
-
 /* The sum of the cross products of the triangles, on the side of the first one. */
 static vec3 normal_of(const mesh_facets *f)
 {
@@ -73,7 +68,7 @@ static bool gather_triangles(mesh_facets *f, uint32_t triangle, mesh_facet *out,
                 return false;
         }
     }
-    qsort(f->queue, f->queue_count, sizeof *f->queue, by_index);
+    qsort(f->queue, f->queue_count, sizeof *f->queue, compare_uint32);
     out->normal = normal_of(f);
     return true;
 }

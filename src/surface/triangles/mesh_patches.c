@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/elementary.h"
 #include "geometry/mesh/mesh_weld.h"
 #include "base/core/memory.h"
@@ -420,12 +421,6 @@ static bool number_patches(making *k, error *e)
 
 /* ---- curves */
 
-static int by_number(const void *left, const void *right)
-{
-    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
-    return (a > b) - (a < b);
-}
-
 static bool list_cuts(making *k, error *e)
 {
     k->cuts = mem_array(k->cut_count, sizeof *k->cuts, what, e);
@@ -441,7 +436,7 @@ static bool list_cuts(making *k, error *e)
             if (!k->is_cut[i]) continue;
             const mesh_side *s = k->edges->sides + i;
             for (size_t side = 0; side < n; side++) k->patches[used + side] = k->patch[s[side].triangle];
-            qsort(k->patches + used, n, sizeof *k->patches, by_number);
+            qsort(k->patches + used, n, sizeof *k->patches, compare_uint32);
             k->cuts[count++] = (cut){v, s->other, used, n, n == 2 ? elementary_cos(angle_at(k, s)) : 0};
             used += n;
             k->at[v + 2]++;

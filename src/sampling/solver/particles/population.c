@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/compare.h"
 #include "base/core/elementary.h"
 #include "base/core/memory.h"
 #include "surface/field/projection.h"
@@ -30,12 +31,6 @@ static int compare_draws(const void *a, const void *b)
     const draw *x = a, *y = b;
     if (x->key != y->key) return x->key < y->key ? -1 : 1;
     return x->particle < y->particle ? -1 : 1;
-}
-
-static int compare_index(const void *a, const void *b)
-{
-    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
-    return x < y ? -1 : x > y;
 }
 
 /* Energy over amplitude: the local density measure of a particle. */
@@ -68,7 +63,7 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
     }
     qsort(draws, n, sizeof *draws, compare_draws);
     for (size_t i = 0; i < k; i++) chosen[i] = draws[i].particle;
-    qsort(chosen, k, sizeof *chosen, compare_index);
+    qsort(chosen, k, sizeof *chosen, compare_uint32);
     free(draws);
     return true;
 }

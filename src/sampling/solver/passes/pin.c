@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/compare.h"
 #include "base/core/memory.h"
 #include "geometry/space/cell_list.h"
 #include "sampling/solver/passes/passes.h"
@@ -63,18 +64,12 @@ static void add_near(void *context, uint32_t particle)
     f->near[f->near_count++] = particle;
 }
 
-static int by_number(const void *left, const void *right)
-{
-    const uint32_t a = *(const uint32_t *)left, b = *(const uint32_t *)right;
-    return (a > b) - (a < b);
-}
-
 /* Finds the particles whose original position is within `reach` of x, in ascending order. */
 static void find_near(pinning *f, vec3 x, double reach)
 {
     f->near_count = 0;
     cell_list_within(f->cells, x, reach * SEARCH_MARGIN, add_near, f);
-    qsort(f->near, f->near_count, sizeof *f->near, by_number);
+    qsort(f->near, f->near_count, sizeof *f->near, compare_uint32);
 }
 
 static bool is_beside_fixed(pinning *f, const pin *to)
