@@ -12,29 +12,20 @@
 typedef struct array_slices {
     slices base; /* first: the slices' functions get this pointer */
     const array_grid *grid;
-    size_t at; /* index of the next slice */
 } array_slices;
 
-static bool begin(slices *base, error *e)
-{
-    (void)e;
-    ((array_slices *)base)->at = 0;
-    return true;
-}
-
-static bool next(slices *base, double *values, error *e)
+static bool read_slice(slices *base, int64_t k, double *values, error *e)
 {
     array_slices *s = (array_slices *)base;
     const array_view *a = &s->grid->values;
     for (size_t j = 0; j < a->size[1]; j++) {
         if (array_view_stopped(a)) return error_set(e, ERROR_CANCELLED, "stopped");
-        const char *p = (const char *)a->data + (ptrdiff_t)j * a->stride[1] + (ptrdiff_t)s->at * a->stride[2];
+        const char *p = (const char *)a->data + (ptrdiff_t)j * a->stride[1] + k * a->stride[2];
         for (size_t i = 0; i < a->size[0]; i++, p += a->stride[0]) {
             numbers_note_inexact((const unsigned char *)p, a->type, false, base->inexact);
             *values++ = number_value(p, a->type, false);
         }
     }
-    s->at++;
     return true;
 }
 
@@ -43,7 +34,7 @@ static void end(slices *base)
     free(base);
 }
 
-static const slices_ops operations = {begin, next, end};
+static const slices_ops operations = {read_slice, end};
 
 bool array_grid_check(const array_grid *grid, error *e)
 {

@@ -30,7 +30,6 @@ typedef struct exr_stack {
     char *names; /* channel and part, in the format of the reader process */
     window *windows;
     int64_t low[2];   /* lowest corner of the union of the windows */
-    size_t at;        /* index of the next slice */
     uint32_t *pixels; /* pixels of the window of a slice, as received */
     size_t stretched; /* number of slices whose pixel aspect ratio differs from that of voxel_size */
     float aspect;     /* aspect ratio of the first such slice */
@@ -92,36 +91,27 @@ static void note_answer(exr_stack *s, size_t k, const exr_reader_answer *a)
     if (s->stretched++ == 0) s->aspect = a->aspect;
 }
 
-/* Requests all slices from `first`. `pixels` NULL: only their windows. */
+typedef struct request {
+    exr_stack *stack;
+    uint32_t *pixels; /* NULL: only the windows */
+} request;
+
+static bool ask_slice(void *context, size_t k, error *e)
+{
+    const request *r = context;
+    exr_reader_answer a;
+    if (!ask(r->stack, k, r->pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, r->pixels, NULL, e))
+        return false;
+    if (!r->pixels) note_answer(r->stack, k, &a);
+    return true;
+}
+
 static bool ask_all(exr_stack *s, size_t first, uint32_t *pixels, error *e)
 {
-    slice_faults missing = {0}, broken = {0};
-    for (size_t k = first; k < s->params.count; k++) {
-        error fault = {0};
-        exr_reader_answer a;
-        int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
-        if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, NULL, &fault)) {
-            if (!pixels) note_answer(s, k, &a);
-        } else if (fault.code == ERROR_INPUT_MISSING) {
-            slice_faults_add(&missing, number, before, &fault);
-        } else if (fault.code == ERROR_INPUT_DAMAGED) {
-            slice_faults_add(&broken, number, before, &fault);
-        } else { /* other errors concern all slices */
-            if (e) *e = fault;
-            return error_prefix(e, "slice %d", number);
-        }
-    }
-    return slice_faults_report(&missing, "missing", e) && slice_faults_report(&broken, "damaged", e);
+    return slice_faults_check(first, s->params.count, s->params.numbers, ask_slice, &(request){s, pixels}, e);
 }
 
 /* ---- as slices */
-
-static bool exr_begin(slices *base, error *e)
-{
-    (void)e;
-    ((exr_stack *)base)->at = 0;
-    return true;
-}
 
 static double value_of(uint32_t pixel, bool whole)
 {
@@ -141,24 +131,23 @@ static void place_rows(const exr_stack *s, const window *w, bool whole, double *
     }
 }
 
-static bool exr_next(slices *base, double *values, error *e)
+static bool exr_read(slices *base, int64_t k, double *values, error *e)
 {
     exr_stack *s = (exr_stack *)base;
-    const window *w = &s->windows[s->at];
+    const window *w = &s->windows[k];
     size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
     exr_reader_answer a;
     error fault = {0};
     if (!s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e))) return false;
-    if (!ask(s, s->at, EXR_READER_PIXELS, &a, s->pixels, NULL, &fault)) {
+    if (!ask(s, (size_t)k, EXR_READER_PIXELS, &a, s->pixels, NULL, &fault)) {
         uint32_t *rest = mem_array(count, sizeof *rest, "a slice", e);
         /* the message names this slice and all later damaged ones */
-        bool told = rest && !ask_all(s, s->at, rest, e);
+        bool told = rest && !ask_all(s, (size_t)k, rest, e);
         free(rest);
         if (!told && e) *e = fault;
         return false;
     }
     place_rows(s, w, a.whole != 0, values);
-    s->at++;
     return true;
 }
 
@@ -172,7 +161,7 @@ static void exr_close(slices *base)
     free(s);
 }
 
-static const slices_ops exr_ops = {exr_begin, exr_next, exr_close};
+static const slices_ops exr_ops = {exr_read, exr_close};
 
 static bool span(exr_stack *s, error *e)
 {

@@ -266,14 +266,10 @@ static bool read_words(raw_volume *s, double *values, int64_t count, error *e)
     return true;
 }
 
-static bool raw_volume_begin(slices *base, error *e)
-{
-    return open_data((raw_volume *)base, 0, e);
-}
-
-static bool raw_volume_next(slices *base, double *values, error *e)
+static bool raw_volume_read(slices *base, int64_t k, double *values, error *e)
 {
     raw_volume *s = (raw_volume *)base;
+    if (k == 0 && !open_data(s, 0, e)) return false;
     for (int64_t wanted = s->head.size[0] * s->head.size[1] * base->components; wanted > 0;) {
         if (s->left == 0 && !open_data(s, s->at + 1, e)) return false;
         int64_t some = wanted < s->left ? wanted : s->left;
@@ -296,7 +292,7 @@ static void raw_volume_close(slices *base)
     free(s);
 }
 
-static const slices_ops raw_volume_ops = {raw_volume_begin, raw_volume_next, raw_volume_close};
+static const slices_ops raw_volume_ops = {raw_volume_read, raw_volume_close};
 
 /* Converts the names of data files to paths: they are relative to the directory of the header. */
 static bool place_files(raw_volume *s, error *e)

@@ -4,6 +4,13 @@
 #include <stdio.h>
 #include <string.h>
 
+typedef struct slice_faults {
+    size_t count;
+    char numbers[320];
+    int begin, last; /* the current run of consecutive numbers */
+    error first;     /* of the first slice */
+} slice_faults;
+
 static void close_run(slice_faults *f)
 {
     size_t n = strlen(f->numbers);
@@ -15,7 +22,8 @@ static void close_run(slice_faults *f)
         snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d-%d", n ? ", " : "", f->begin, f->last);
 }
 
-void slice_faults_add(slice_faults *f, int number, int before, const error *e)
+/* `before`: the number of the preceding slice. */
+static void add(slice_faults *f, int number, int before, const error *e)
 {
     if (f->count == 0 || f->last != before) {
         close_run(f);
@@ -25,7 +33,7 @@ void slice_faults_add(slice_faults *f, int number, int before, const error *e)
     if (f->count++ == 0) f->first = *e;
 }
 
-bool slice_faults_report(slice_faults *f, const char *what, error *e)
+static bool report(slice_faults *f, const char *what, error *e)
 {
     if (f->count == 0) return true;
     close_run(f);
@@ -33,4 +41,24 @@ bool slice_faults_report(slice_faults *f, const char *what, error *e)
         return error_set(e, f->first.code, "slice %s is %s: %s", f->numbers, what, f->first.message);
     return error_set(e, f->first.code, "%zu slices are %s (slices %s). The first one: %s", f->count, what,
                      f->numbers, f->first.message);
+}
+
+bool slice_faults_check(size_t first, size_t count, const int *numbers,
+                        bool (*check)(void *context, size_t k, error *e), void *context, error *e)
+{
+    slice_faults missing = {0}, damaged = {0};
+    for (size_t k = first; k < count; k++) {
+        error fault = {0};
+        const int number = numbers[k], before = k ? numbers[k - 1] : number - 1;
+        if (check(context, k, &fault)) continue;
+        if (fault.code == ERROR_INPUT_MISSING) {
+            add(&missing, number, before, &fault);
+        } else if (fault.code == ERROR_INPUT_DAMAGED) {
+            add(&damaged, number, before, &fault);
+        } else { /* other errors concern all slices */
+            if (e) *e = fault;
+            return error_prefix(e, "slice %d", number);
+        }
+    }
+    return report(&missing, "missing", e) && report(&damaged, "damaged", e);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* slice_faults: collects slices of a stack with the same kind of fault, for one message. One thread. */
+/* slice_faults: one message about all slices of a stack with the same kind of fault. One thread. */
 #ifndef HEXAD_IO_VOLUMES_SLICE_FAULTS_H
 #define HEXAD_IO_VOLUMES_SLICE_FAULTS_H
 
@@ -8,19 +8,10 @@
 
 #include "base/core/error.h"
 
-/* Initialise with {0}. */
-typedef struct slice_faults {
-    size_t count;
-    char numbers[320];
-    int begin, last; /* the current run of consecutive numbers */
-    error first;     /* of the first slice */
-} slice_faults;
-
-/* Adds a slice with a fault. `before` is the number of the preceding slice. */
-void slice_faults_add(slice_faults *f, int number, int before, const error *e);
-
-/* True if there are no faults. Otherwise sets an error with the code of the first slice: "3 slices are WHAT
- * (slices 4, 7-8). The first one: ...". */
-bool slice_faults_report(slice_faults *f, const char *what, error *e);
+/* Calls `check` for the slices from `first` on, which have these numbers. The error names all slices that are missing
+ * (input_missing), or otherwise all that are damaged (input_damaged): "3 slices are damaged (slices 4, 7-8). The
+ * first one: ...". Another error of a slice ends the check. */
+bool slice_faults_check(size_t first, size_t count, const int *numbers,
+                        bool (*check)(void *context, size_t k, error *e), void *context, error *e);
 
 #endif

@@ -18,9 +18,8 @@
 typedef struct slices slices;
 
 typedef struct slices_ops {
-    /* begin returns to the first slice and may be called repeatedly; next reads the following slice. */
-    bool (*begin)(slices *s, error *e);
-    bool (*next)(slices *s, double *values, error *e);
+    /* Reads slice k. Slices are read in ascending order; slice 0 may be read again, then the others. */
+    bool (*read)(slices *s, int64_t k, double *values, error *e);
     void (*close)(slices *s);
 } slices_ops;
 

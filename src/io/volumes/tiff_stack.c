@@ -30,7 +30,6 @@ typedef struct tiff_stack {
     int fd;                  /* the one file; owned by the caller */
     tiff_answer head;        /* answer for the first file */
     int64_t first_page;      /* index of the volume's first page */
-    int64_t at;              /* index of the next slice */
     bool is_size_warned;
     int64_t opened;         /* index of the file that is open in the process, or -1 */
     unsigned char *numbers; /* buffer for the numbers of a page */
@@ -139,13 +138,6 @@ static bool read_page(tiff_stack *s, int64_t page, error *e)
 
 /* ---- as slices */
 
-static bool tiff_begin(slices *base, error *e)
-{
-    (void)e;
-    ((tiff_stack *)base)->at = 0;
-    return true;
-}
-
 static bool read_slice(tiff_stack *s, int64_t k, error *e)
 {
     tiff_answer a;
@@ -160,7 +152,7 @@ static bool read_slice(tiff_stack *s, int64_t k, error *e)
                        : error_prefix(e, "page %lld", (long long)page);
 }
 
-static bool tiff_next(slices *base, double *values, error *e)
+static bool tiff_read(slices *base, int64_t k, double *values, error *e)
 {
     tiff_stack *s = (tiff_stack *)base;
     const int64_t count = base->size[0] * base->size[1];
@@ -168,9 +160,8 @@ static bool tiff_next(slices *base, double *values, error *e)
     if (!s->numbers &&
         !(s->numbers = mem_array((size_t)count, number_bytes(type), "a slice of the volume", e)))
         return false;
-    if (!read_slice(s, s->at, e)) return false;
+    if (!read_slice(s, k, e)) return false;
     numbers_convert(s->numbers, type, false, count, values, base->inexact);
-    s->at++;
     return true;
 }
 
@@ -182,7 +173,7 @@ static void tiff_close(slices *base)
     free(s);
 }
 
-static const slices_ops tiff_ops = {tiff_begin, tiff_next, tiff_close};
+static const slices_ops tiff_ops = {tiff_read, tiff_close};
 
 static tiff_stack *make(const char *program, size_t memory_limit)
 {
@@ -262,8 +253,9 @@ slices *tiff_file_open(int fd, const char *program, int64_t index, size_t memory
 }
 
 /* Checks file k of the stack. */
-static bool check_slice(tiff_stack *s, size_t k, error *e)
+static bool check_slice(void *context, size_t k, error *e)
 {
+    tiff_stack *s = context;
     tiff_answer a;
     if (!open_file(s, (int64_t)k, &a, e)) return false;
     if (s->head.pages == 0) s->head = a;
@@ -296,25 +288,6 @@ static bool check_slice(tiff_stack *s, size_t k, error *e)
                      numbers_name((number_type)s->head.type));
 }
 
-static bool check_slices(tiff_stack *s, error *e)
-{
-    slice_faults missing = {0}, broken = {0};
-    for (size_t k = 0; k < s->params.count; k++) {
-        error fault = {0};
-        const int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
-        if (check_slice(s, k, &fault)) continue;
-        if (fault.code == ERROR_INPUT_MISSING) {
-            slice_faults_add(&missing, number, before, &fault);
-        } else if (fault.code == ERROR_INPUT_DAMAGED) {
-            slice_faults_add(&broken, number, before, &fault);
-        } else {
-            if (e) *e = fault;
-            return error_prefix(e, "slice %d", number);
-        }
-    }
-    return slice_faults_report(&missing, "missing", e) && slice_faults_report(&broken, "damaged", e);
-}
-
 slices *tiff_stack_open(const exr_stack_params *params, error *e)
 {
     tiff_stack *s = make(params->program, params->memory_limit);
@@ -323,7 +296,7 @@ slices *tiff_stack_open(const exr_stack_params *params, error *e)
     if (params->part || params->channel) {
         error_set(e, ERROR_SPEC_INVALID,
                   "the images are TIFF files, which have no part and no channel: remove these members");
-    } else if (check_slices(s, e) &&
+    } else if (slice_faults_check(0, params->count, params->numbers, check_slice, s, e) &&
                place(s, (int64_t)params->count, params->has_voxel_size ? given : NULL, params->origin, e)) {
         return &s->base;
     }

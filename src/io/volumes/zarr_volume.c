@@ -30,7 +30,6 @@ typedef struct zarr_volume {
     int64_t at[ZARR_AXES_MOST];       /* index along each axis that is not spatial */
     int64_t low[3];                   /* first sample that is read along each spatial axis, slowest first */
     int64_t count[3];                 /* number of samples that are read along these axes */
-    int64_t next;                     /* index of the next slice */
     int64_t layer;                    /* index of the layer of chunks in memory, or EMPTY */
     unsigned char *numbers;           /* samples of the layer: slices of count[1] rows with count[2]
                                        * numbers */
@@ -279,13 +278,6 @@ static bool read_layer(zarr_volume *v, int64_t layer, error *e)
 
 /* ---- as slices */
 
-static bool zarr_begin(slices *base, error *e)
-{
-    (void)e;
-    ((zarr_volume *)base)->next = 0;
-    return true;
-}
-
 /* Number of requested slices in a layer of chunks. */
 static int64_t layer_slices(const zarr_volume *v)
 {
@@ -302,15 +294,14 @@ static bool make_room(zarr_volume *v, error *e)
     return v->numbers && v->chunk && v->index;
 }
 
-static bool zarr_next(slices *base, double *values, error *e)
+static bool zarr_read(slices *base, int64_t k, double *values, error *e)
 {
     zarr_volume *v = (zarr_volume *)base;
-    const int64_t side = v->m.chunk[v->m.space[0]], z = v->low[0] + v->next, layer = z / side,
+    const int64_t side = v->m.chunk[v->m.space[0]], z = v->low[0] + k, layer = z / side,
                   first = larger(layer * side, v->low[0]), slice = v->count[1] * v->count[2];
     if (!make_room(v, e) || (v->layer != layer && !read_layer(v, layer, e))) return false;
     numbers_convert(v->numbers + (size_t)((z - first) * slice) * value_bytes(v), v->m.type, v->m.is_swapped,
                     slice, values, base->inexact);
-    v->next++;
     return true;
 }
 
@@ -324,7 +315,7 @@ static void zarr_close(slices *base)
     free(v);
 }
 
-static const slices_ops zarr_ops = {zarr_begin, zarr_next, zarr_close};
+static const slices_ops zarr_ops = {zarr_read, zarr_close};
 
 /* ---- choice of the samples */
 

@@ -152,9 +152,9 @@ static bool read_slices(slices *s, window *w, const lattice *l, const turn *turn
                         const vec3 *position, double *values, attribute_counts *counts, error *e)
 {
     size_t next = 0;
-    bool ok = s->ops->begin(s, e);
+    bool ok = true;
     for (int64_t k = 0; ok && k < s->size[2] && next < count; k++) {
-        ok = s->ops->next(s, w->slice[k % HELD], e);
+        ok = s->ops->read(s, k, w->slice[k % HELD], e);
         for (; ok && next < count && turns[next].last == k; next++) {
             size_t i = turns[next].point;
             lattice_value(l, position[i], values + (size_t)l->components * i, counts);

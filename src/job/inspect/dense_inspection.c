@@ -23,24 +23,15 @@ typedef struct counted {
     slices base; /* first: the slices' functions get this pointer */
     slices *from;
     values *values;
-    int64_t passed; /* number of slices that were counted; < 0: reading has not begun */
+    int64_t passed; /* number of slices that were counted */
     error fault;    /* error of reading */
 } counted;
 
-static bool counted_begin(slices *base, error *e)
+static bool counted_read(slices *base, int64_t k, double *number, error *e)
 {
     counted *c = (counted *)base;
-    const bool ok = c->from->ops->begin(c->from, &c->fault);
-    c->passed = 0;
-    if (!ok && e) *e = c->fault;
-    return ok;
-}
-
-static bool counted_next(slices *base, double *number, error *e)
-{
-    counted *c = (counted *)base;
-    const bool ok = c->from->ops->next(c->from, number, &c->fault);
-    c->passed++;
+    const bool ok = c->from->ops->read(c->from, k, number, &c->fault);
+    c->passed = k + 1;
     memcpy(base->inexact, c->from->inexact, sizeof base->inexact);
     if (ok)
         value_statistics_add(c->values, number, (size_t)(base->size[0] * base->size[1]));
@@ -49,11 +40,11 @@ static bool counted_next(slices *base, double *number, error *e)
     return ok;
 }
 
-static const slices_ops counted_ops = {.begin = counted_begin, .next = counted_next};
+static const slices_ops counted_ops = {.read = counted_read};
 
 static counted counted_of(slices *s, values *v)
 {
-    counted c = {.base = *s, .from = s, .values = v, .passed = -1};
+    counted c = {.base = *s, .from = s, .values = v};
     c.base.ops = &counted_ops;
     return c;
 }
@@ -72,8 +63,8 @@ static bool count_rest(counted *c, size_t memory_limit, error *e)
                          "a slice of %lld x %lld samples exceeds the memory limit: raise it",
                          (long long)size[0], (long long)size[1]);
     double *slice = mem_array(count, sizeof *slice, "a slice of the volume", e);
-    bool ok = slice && (c->passed >= 0 || counted_begin(&c->base, e));
-    while (ok && c->passed < size[2]) ok = counted_next(&c->base, slice, e);
+    bool ok = slice != NULL;
+    while (ok && c->passed < size[2]) ok = counted_read(&c->base, c->passed, slice, e);
     free(slice);
     return ok;
 }

@@ -15,23 +15,16 @@
 typedef struct grid_slices {
     slices base; /* first: the slices' functions get this pointer */
     const vdb_voxels *voxels;
-    int32_t origin[3], at; /* index of the next slice */
+    int32_t origin[3];
 } grid_slices;
 
-static bool grid_begin(slices *base, error *e)
-{
-    (void)e;
-    ((grid_slices *)base)->at = 0;
-    return true;
-}
-
-static bool grid_next(slices *base, double *values, error *e)
+static bool grid_read(slices *base, int64_t k, double *values, error *e)
 {
     grid_slices *s = (grid_slices *)base;
     (void)e;
     for (int32_t y = 0; y < base->size[1]; y++)
         for (int32_t x = 0; x < base->size[0]; x++) {
-            const int32_t at[3] = {s->origin[0] + x, s->origin[1] + y, s->origin[2] + s->at};
+            const int32_t at[3] = {s->origin[0] + x, s->origin[1] + y, s->origin[2] + (int32_t)k};
             double value[3];
             s->voxels->read(s->voxels, at, value);
             if (fabs(value[0]) > (double)PRECISION_WHOLE_MOST && !*base->inexact)
@@ -39,7 +32,6 @@ static bool grid_next(slices *base, double *values, error *e)
                          s->voxels->read_whole(s->voxels, at));
             *values++ = value[0];
         }
-    s->at++;
     return true;
 }
 
@@ -48,7 +40,7 @@ static void grid_close(slices *base)
     (void)base;
 }
 
-static const slices_ops grid_ops = {grid_begin, grid_next, grid_close};
+static const slices_ops grid_ops = {grid_read, grid_close};
 
 typedef struct visit {
     const label_source_request *request;

@@ -59,9 +59,9 @@ static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
     const int64_t *size = from->size;
     label_volume *v = r->out;
     double *values = mem_array((size_t)(size[0] * size[1]), sizeof *values, "a slice of the volume", e);
-    bool ok = values && from->ops->begin(from, e);
+    bool ok = values != NULL;
     for (int64_t z = 0; ok && z < size[2]; z++) {
-        ok = from->ops->next(from, values, e);
+        ok = from->ops->read(from, z, values, e);
         for (int64_t y = 0; ok && y < size[1]; y++) {
             const double *row = values + y * size[0];
             uint16_t *to = v->at + ((z + around) * v->size[1] + y + around) * v->size[0] + around;

@@ -137,12 +137,11 @@ static void mark_layer(work *w, int64_t z)
 static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
 {
     *facts = (dense_grid_facts){.lowest = INFINITY, .highest = -INFINITY};
-    if (!w->source->ops->begin(w->source, e)) return false;
     for (int64_t z = 0; z < w->size[2]; z++) {
         uint8_t *before = w->inside[0];
         w->inside[0] = w->inside[1];
         w->inside[1] = before;
-        if (!w->source->ops->next(w->source, w->values, e)) return false;
+        if (!w->source->ops->read(w->source, z, w->values, e)) return false;
         note_values(w, z, w->inside[1], facts);
         if (!thin_walls_add(w->walls, w->values, w->isovalue, w->no_data, e)) return false;
         if (z > 0) mark_layer(w, z - 1);
@@ -238,9 +237,8 @@ static void keep_slice(work *w, int64_t z, const dense_grid_facts *facts)
 
 static bool fill_leaves(work *w, const dense_grid_facts *facts, error *e)
 {
-    if (!w->source->ops->begin(w->source, e)) return false;
     for (int64_t z = 0; z < w->size[2]; z++) {
-        if (!w->source->ops->next(w->source, w->values, e)) return false;
+        if (!w->source->ops->read(w->source, z, w->values, e)) return false;
         keep_slice(w, z, facts);
         if (!threads_may_go_on(w->pool, e)) return false;
     }
