@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "base/core/utf8.h"
 
 #define ZERO_WIDTH_NON_JOINER 0x200C
 #define ZERO_WIDTH_JOINER 0x200D
@@ -51,28 +52,6 @@ static bool is_in(uint32_t code, const range *list, size_t count)
     size_t i = 0;
     while (i < count && code > list[i].last) i++;
     return i < count && code >= list[i].first;
-}
-
-/* Decodes the character at the beginning of `length` bytes, which may be a surrogate. Returns its number of
- * bytes; 0: the first byte begins none. */
-static size_t decode(const unsigned char *s, size_t length, uint32_t *code)
-{
-    static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
-    const size_t n = s[0] < 0x80   ? 1
-                     : s[0] < 0xC2 ? 0
-                     : s[0] < 0xE0 ? 2
-                     : s[0] < 0xF0 ? 3
-                     : s[0] < 0xF5 ? 4
-                                   : 0;
-    if (n == 0 || n > length) return 0;
-    uint32_t value = n == 1 ? s[0] : s[0] & (0x7Fu >> n);
-    for (size_t i = 1; i < n; i++) {
-        if ((s[i] & 0xC0) != 0x80) return 0;
-        value = value << 6 | (s[i] & 0x3Fu);
-    }
-    if (value < least[n] || value > 0x10FFFF) return 0;
-    *code = value;
-    return n;
 }
 
 /* What comes before a character. */
@@ -120,8 +99,8 @@ static const char *next_part(reader *r, size_t *length)
     const unsigned char *s = (const unsigned char *)r->text;
     const char *part = r->text;
     uint32_t code = 0, next = 0;
-    const size_t n = decode(s, r->left, &code), used = n ? n : 1;
-    if (used < r->left && !decode(s + used, r->left - used, &next)) next = 0;
+    const size_t n = utf8_decode(s, r->left, &code), used = n ? n : 1;
+    if (used < r->left && !utf8_decode(s + used, r->left - used, &next)) next = 0;
     const bool plain = n > 0 && stays(code, r->form, r->before, next);
     r->text += used;
     r->left -= used;

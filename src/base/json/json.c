@@ -12,6 +12,7 @@
 #include <cjson/cJSON.h>
 
 #include "base/core/memory.h"
+#include "base/core/utf8.h"
 #include "base/json/json_internal.h"
 
 cJSON *json_must(cJSON *node)
@@ -25,19 +26,10 @@ cJSON *json_must(cJSON *node)
 
 size_t json_utf8_length(const unsigned char *s, size_t left)
 {
-    if (left == 0) return 0;
-    if (s[0] < 0x80) return 1;
-    size_t want = s[0] >= 0xC2 && s[0] <= 0xDF   ? 2
-                  : (s[0] & 0xF0) == 0xE0        ? 3
-                  : s[0] >= 0xF0 && s[0] <= 0xF4 ? 4
-                                                 : 0;
-    if (want == 0 || left < want) return 0;
-    unsigned low = s[0] == 0xE0 ? 0xA0 : s[0] == 0xF0 ? 0x90 : 0x80;
-    unsigned high = s[0] == 0xED ? 0x9F : s[0] == 0xF4 ? 0x8F : 0xBF;
-    if (s[1] < low || s[1] > high) return 0;
-    for (size_t i = 2; i < want; i++)
-        if ((s[i] & 0xC0) != 0x80) return 0;
-    return want;
+    uint32_t code;
+    if (left > 0 && s[0] < 0x80) return 1; /* the most frequent case */
+    const size_t length = utf8_decode(s, left, &code);
+    return length > 0 && (code < 0xD800 || code > 0xDFFF) ? length : 0;
 }
 
 void json_free(json *root)

@@ -12,6 +12,7 @@
 #include <cjson/cJSON.h>
 
 #include "base/core/memory.h"
+#include "base/core/utf8.h"
 #include "base/json/json_internal.h"
 
 typedef struct parser {
@@ -86,18 +87,6 @@ static bool read_hex4(parser *p, unsigned *out)
     return true;
 }
 
-static size_t put_utf8(char *out, unsigned c)
-{
-    if (c < 0x80) {
-        out[0] = (char)c;
-        return 1;
-    }
-    size_t n = c < 0x800 ? 2 : c < 0x10000 ? 3 : 4;
-    for (size_t i = n - 1; i > 0; i--, c >>= 6) out[i] = (char)(0x80 | (c & 0x3F));
-    out[0] = (char)((n == 2 ? 0xC0 : n == 3 ? 0xE0 : 0xF0) | c);
-    return n;
-}
-
 /* Parses the text after "\u": one code unit, or two that form a surrogate pair. */
 static bool read_unicode_escape(parser *p, size_t start, size_t *length)
 {
@@ -121,7 +110,7 @@ static bool read_unicode_escape(parser *p, size_t start, size_t *length)
                             "both, or the character itself");
         unit = 0x10000 + ((unit - 0xD800) << 10) + (low - 0xDC00);
     }
-    *length += put_utf8(p->scratch + *length, unit);
+    *length += utf8_encode(unit, p->scratch + *length);
     return true;
 }
 

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/core/utf8.h"
+
 enum { REPLACEMENT = 0xFFFD };
 
 typedef enum encoding { UTF_8, UTF_16_LITTLE, UTF_16_BIG, ISO_8859_1, WINDOWS_1252 } encoding;
@@ -63,19 +65,6 @@ static uint32_t next(const unsigned char **at, const unsigned char *end, encodin
     return 0x10000 + ((high - 0xD800) << 10) + (low - 0xDC00);
 }
 
-static char *put(char *to, uint32_t c)
-{
-    if (c < 0x80) {
-        *to++ = (char)c;
-        return to;
-    }
-    const int more = c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;
-    static const unsigned char first[] = {0, 0xC0, 0xE0, 0xF0};
-    *to++ = (char)(first[more] | c >> 6 * more);
-    for (int k = more - 1; k >= 0; k--) *to++ = (char)(0x80 | (c >> 6 * k & 0x3F));
-    return to;
-}
-
 char *xml_in_utf8(const char *data, size_t *size)
 {
     enum { MOST = 3 /* bytes of UTF-8 for a unit */ };
@@ -89,7 +78,7 @@ char *xml_in_utf8(const char *data, size_t *size)
     const unsigned char *at = (const unsigned char *)data, *end = appended
                                                                       ? (const unsigned char *)appended
                                                                       : at + (is_wide ? 2 * units : units);
-    while (at < end) to = put(to, next(&at, end, from));
+    while (at < end) to += utf8_encode(next(&at, end, from), to);
     const size_t left = appended ? *size - (size_t)(appended - data) : 0;
     if (left > 0) memcpy(to, appended, left);
     to += left;

@@ -7,6 +7,7 @@
 #include "base/core/compare.h"
 #include "base/core/elementary.h"
 #include "base/core/memory.h"
+#include "geometry/space/cholesky.h"
 
 /* Number of points that are used, evenly spaced by index. They determine the seven unknowns to a hundredth
  * of the rms distance. */
@@ -155,30 +156,12 @@ static void set_up(const fit *h, double cauchy_scale, double a[REGISTRATION_UNKN
     }
 }
 
-/* Solves a x = b in place by Cholesky's method. a is positive definite; only its lower half is used. */
-static void solve(double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS], double b[REGISTRATION_UNKNOWNS])
-{
-    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++)
-        for (int j = 0; j <= i; j++) {
-            for (int k = 0; k < j; k++) a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] = i == j ? sqrt(a[i][i]) : a[i][j] / a[j][j];
-        }
-    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
-        for (int k = 0; k < i; k++) b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = REGISTRATION_UNKNOWNS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < REGISTRATION_UNKNOWNS; k++) b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
-}
-
 /* One Gauss-Newton step. Returns its length. */
 static double step(fit *h, double cauchy_scale)
 {
     double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS], b[REGISTRATION_UNKNOWNS], length2 = 0;
     set_up(h, cauchy_scale, a, b);
-    solve(a, b);
+    cholesky_solve(&a[0][0], REGISTRATION_UNKNOWNS, REGISTRATION_UNKNOWNS, b);
     h->at.translation = vec3_add(h->at.translation, vec3_make(b[0], b[1], b[2]));
     h->at.rotation = vec3_axpy(1 / h->size, vec3_make(b[3], b[4], b[5]), h->at.rotation);
     h->at.growth += b[6] / h->size;

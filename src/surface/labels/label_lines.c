@@ -7,6 +7,7 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
+#include "geometry/space/cholesky.h"
 #include "geometry/space/sym3.h"
 
 static const char what[] = "the lines between labels";
@@ -101,24 +102,6 @@ static void gather(const label_lines *l, uint32_t start, near_by *out)
     for (size_t next = 0; next < out->count; next++)
         if (next >= known || out->at_end[next])
             out->at_end[next] = add_neighbours(l, x, out->vertex[next], out);
-}
-
-/* Solves the symmetric positive definite system in place (Cholesky). */
-static void solve(double a[TERMS][TERMS], double b[TERMS], int terms)
-{
-    for (int i = 0; i < terms; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = a[i][j];
-            for (int k = 0; k < j; k++) sum -= a[i][k] * a[j][k];
-            a[i][j] = i == j ? sqrt(sum) : sum / a[j][j];
-        }
-        for (int k = 0; k < i; k++) b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = terms; i-- > 0;) {
-        for (int k = i + 1; k < terms; k++) b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
 }
 
 /* Weight of midpoints at vertices beside a line: near a line an interface may lack voxels, because its label
@@ -317,7 +300,7 @@ static bool fit_terms(const betweens *m, const quadric *before, quadric *q, doub
         a[i][i] += i < PLANE ? plane_stiffness * sum.of[0][0] : curvature_stiffness;
         q->term[i] = sum.of[i][q->terms];
     }
-    solve(a, q->term, q->terms);
+    cholesky_solve(&a[0][0], TERMS, q->terms, q->term);
     return true;
 }
 
