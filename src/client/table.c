@@ -8,6 +8,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/terminal_text.h"
+#include "base/core/utf8.h"
 #include "client/print.h"
 
 table table_new(const char *const *titles, size_t columns)
@@ -26,26 +27,18 @@ void table_add(table *t, char *text)
     free(text);
 }
 
-/* The number of characters of a text in UTF-8. */
-static size_t width_of(const char *text)
-{
-    size_t width = 0;
-    for (; *text; text++) width += ((unsigned char)*text & 0xC0) != 0x80;
-    return width;
-}
-
 void table_print(const table *t)
 {
     size_t width[TABLE_COLUMNS_MOST] = {0};
     for (size_t i = 0; i < t->count; i++)
-        if (width_of(t->cell[i]) > width[i % t->columns]) width[i % t->columns] = width_of(t->cell[i]);
+        if (utf8_count(t->cell[i]) > width[i % t->columns]) width[i % t->columns] = utf8_count(t->cell[i]);
     for (size_t i = 0; i < t->count; i++) {
         size_t column = i % t->columns;
         fputs(t->cell[i], stdout);
         if (column == t->columns - 1)
             putchar('\n');
         else
-            terminal_text_print(stdout, "%*s", (int)(width[column] - width_of(t->cell[i]) + 2), "");
+            terminal_text_print(stdout, "%*s", (int)(width[column] - utf8_count(t->cell[i]) + 2), "");
     }
 }
 

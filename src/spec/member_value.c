@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "base/core/utf8.h"
 #include "spec/file_names.h"
 #include "spec/frame_values.h"
 
@@ -228,17 +229,10 @@ static void read_bool(reading *r, const json_at *at, const spec_row *row, json *
     json_put_bool(normal, spec_row_key(row), value);
 }
 
-static size_t characters(const char *text)
-{
-    size_t n = 0;
-    for (; *text; text++) n += ((unsigned char)*text & 0xC0) != 0x80;
-    return n;
-}
-
 static void read_string(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     const char *text = json_string(*at, NULL);
-    size_t length = text ? characters(text) : 0;
+    size_t length = text ? utf8_count(text) : 0;
     if (!text) {
         reading_add_mismatch(r, at, "must be a string");
     } else if ((double)length < row->low || (double)length > row->high) {
@@ -254,7 +248,7 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
 static void read_label(reading *r, const json_at *at, const spec_row *row, json *list)
 {
     const char *text = json_string(*at, NULL);
-    if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
+    if (!text || !*text || utf8_count(text) > SPEC_LABEL_LENGTH_MAX) {
         reading_add_mismatch(r, at, "must be a string of 1 to %d characters", SPEC_LABEL_LENGTH_MAX);
         return;
     }
@@ -282,7 +276,7 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
 static void read_file_name(reading *r, const json_at *at, spec_files *files)
 {
     const char *text = json_string(*at, NULL);
-    if (text && *text && characters(text) <= SPEC_FILE_NAME_MAX)
+    if (text && *text && utf8_count(text) <= SPEC_FILE_NAME_MAX)
         files->name[files->count++] = mem_strdup(text);
     else
         reading_add_mismatch(r, at, "must be the name of a file, a string of 1 to %d characters",

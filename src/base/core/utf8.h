@@ -13,4 +13,7 @@ size_t utf8_decode(const unsigned char *s, size_t length, uint32_t *code);
 /* Writes a character. Returns its number of bytes, 1 to 4. */
 size_t utf8_encode(uint32_t code, char *out);
 
+/* The number of characters of a text. */
+size_t utf8_count(const char *text);
+
 #endif
