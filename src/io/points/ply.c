@@ -29,12 +29,9 @@ static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8, 8};
 static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST, -DBL_MAX},
                     type_most[COLUMN_TYPES] = {0,         UINT32_MAX,           INT32_MAX,
                                                UINT8_MAX, PRECISION_WHOLE_MOST, DBL_MAX};
-static const char face_property[] = "property list uchar int vertex_indices";
-static const char *const label_names[2] = {"label_a", "label_b"};
 
-/* Bytes of a binary triangle (its number of corners, and each corner), and minimum lengths of the text of a
- * triangle and of labels. */
-enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8, LABEL_TEXT_LEAST = 4 };
+/* Bytes of a binary triangle: its number of corners, and each corner. */
+enum { FACE_BYTES = 1 + 3 * 4 };
 
 /* A triangle of a file. */
 typedef struct face {
@@ -222,11 +219,6 @@ static column_type label_type_of(const points *set)
     return column_type_of_range((double)least, (double)most);
 }
 
-static void label_property(column_type type, int side, char line[64])
-{
-    snprintf(line, 64, "property %s %s", type_names[type], label_names[side]);
-}
-
 static bool write_header(FILE *file, const points *set, const columns *what, ply_format format,
                          ply_precision precision, const char *comments, error *e)
 {
@@ -236,12 +228,11 @@ static bool write_header(FILE *file, const points *set, const columns *what, ply
         good = good && fprintf(file, "property %s %s\n", type_name(what->list[c].type, precision),
                                what->list[c].name) > 0;
     if (set->triangle_count > 0)
-        good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
-    for (int k = 0; k < 2 && set->triangle_count > 0 && set->triangle_labels; k++) {
-        char line[64];
-        label_property(label_type_of(set), k, line);
-        good = good && fprintf(file, "%s\n", line) > 0;
-    }
+        good = good && fprintf(file, "element face %zu\nproperty list uchar int vertex_indices\n",
+                               set->triangle_count) > 0;
+    const char *label = type_names[label_type_of(set)];
+    if (set->triangle_count > 0 && set->triangle_labels)
+        good = good && fprintf(file, "property %s label_a\nproperty %s label_b\n", label, label) > 0;
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -407,24 +398,14 @@ static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
     return true;
 }
 
-static bool expect_line(FILE *file, const char *expected, error *e)
+/* Parses a line "element vertex COUNT". */
+static bool parse_count(const char *line, size_t *count, error *e)
 {
-    char line[LINE_MAX_BYTES];
-    if (!read_line(file, line, e)) return false;
-    if (strcmp(line, expected) == 0) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'", expected,
-                     line);
-}
-
-/* Parses a line "element NAME COUNT". */
-static bool parse_count(const char *line, const char *name, size_t *count, error *e)
-{
-    char start[32];
-    int length = snprintf(start, sizeof start, "element %s ", name);
-    const char *digits = line + length;
-    if (strncmp(line, start, (size_t)length) != 0 || !*digits ||
+    static const char start[] = "element vertex ";
+    const char *digits = line + strlen(start);
+    if (strncmp(line, start, strlen(start)) != 0 || !*digits ||
         strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element %s COUNT', found '%.60s'", name,
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'",
                          line);
     errno = 0;
     uintmax_t value = strtoumax(digits, NULL, 10);
@@ -479,32 +460,20 @@ static bool read_properties(FILE *file, ply_file *f, char *line, error *e)
 static bool read_header(FILE *file, ply_file *f, error *e)
 {
     char line[LINE_MAX_BYTES];
-    if (!expect_line(file, "ply", e) || !read_line(file, line, e)) return false;
+    if (!read_line(file, line, e)) return false;
+    if (strcmp(line, "ply") != 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line 'ply', found '%.60s'", line);
+    if (!read_line(file, line, e)) return false;
     if (strcmp(line, "format ascii 1.0") == 0)
         f->format = PLY_ASCII;
     else if (strcmp(line, "format binary_little_endian 1.0") == 0)
         f->format = PLY_BINARY_LITTLE_ENDIAN;
     else
         return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
-    if (!read_line(file, line, e) || !parse_count(line, "vertex", &f->points.count, e) ||
-        !read_line(file, line, e))
+    if (!read_line(file, line, e) || !parse_count(line, &f->points.count, e) || !read_line(file, line, e))
         return false;
-    if (!read_properties(file, f, line, e)) return false;
-    if (strcmp(line, "end_header") == 0) return true;
-    if (!parse_count(line, "face", &f->points.triangle_count, e) || !expect_line(file, face_property, e) ||
-        !read_line(file, line, e))
-        return false;
-    static const column_type types[] = {COLUMN_INT, COLUMN_UINT, COLUMN_DOUBLE};
-    for (size_t k = 0; k < sizeof types / sizeof *types; k++) {
-        char meant[64];
-        label_property(types[k], 0, meant);
-        if (strcmp(line, meant) != 0) continue;
-        f->has_labels = true;
-        f->label_type = types[k];
-        label_property(types[k], 1, meant);
-        return expect_line(file, meant, e) && expect_line(file, "end_header", e);
-    }
-    return strcmp(line, "end_header") == 0 || damaged(e, "the properties of its faces are unknown");
+    return read_properties(file, f, line, e) &&
+           (strcmp(line, "end_header") == 0 || damaged(e, "it has more than points"));
 }
 
 /* Checks that the remaining bytes can hold the points, before the count is used. */
@@ -516,16 +485,13 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     long end = ftell(file);
     if (end < at || fseek(file, at, SEEK_SET) != 0)
         return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
-    size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
-    bool text = f->format == PLY_ASCII; /* a number then needs at least a digit and a space */
-    size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
-    size_t each = text ? FACE_TEXT_LEAST : FACE_BYTES;
-    if (f->has_labels) each += text ? LABEL_TEXT_LEAST : 2 * type_bytes[f->label_type];
-    if (vertices > left / point || faces > left / each || vertices * point + faces * each > left ||
-        (!text && vertices * point + faces * each != left))
+    const size_t left = (size_t)(end - at), count = f->points.count;
+    const bool text = f->format == PLY_ASCII; /* a number then needs at least a digit and a space */
+    const size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
+    if (count > left / point || (!text && count * point != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "PLY file: %zu bytes of data do not match the %zu points%s of its header", left,
-                         vertices, faces > 0 ? " and faces" : "");
+                         "PLY file: %zu bytes of data do not match the %zu points of its header", left,
+                         count);
     return true;
 }
 
@@ -593,49 +559,9 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
     return check_finite(row, &f->columns, i, e);
 }
 
-static bool unpack_face(FILE *file, const ply_file *f, face *out, error *e)
-{
-    char packed[FACE_BYTES + 2 * sizeof(double)];
-    const size_t each = type_bytes[f->label_type], bytes = f->has_labels ? FACE_BYTES + 2 * each : FACE_BYTES;
-    if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it is truncated");
-    if (packed[0] != 3) return damaged(e, "a face is not a triangle");
-    for (int c = 0; c < 3; c++) out->corner[c] = (uint32_t)unpack(packed + 1 + 4 * c, COLUMN_UINT, PLY_FLOAT);
-    for (size_t c = 0; f->has_labels && c < 2; c++) {
-        const double label = unpack(packed + FACE_BYTES + each * c, f->label_type, PLY_FLOAT);
-        if (!(fabs(label) <= PRECISION_WHOLE_MOST)) return damaged(e, "a label is not a whole number");
-        out->label[c] = (int64_t)label;
-    }
-    return true;
-}
-
-static bool parse_face(FILE *file, bool has_labels, face *out, error *e)
-{
-    char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
-    if (!fgets(line, sizeof line, file)) return damaged(e, "it is truncated");
-    const int read =
-        sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32 " %" SCNd64 " %" SCNd64, &out->corner[0],
-               &out->corner[1], &out->corner[2], &out->label[0], &out->label[1]);
-    if (read != (has_labels ? 5 : 3)) return damaged(e, "a face is not a triangle");
-    print_face(out, has_labels, again);
-    return strcmp(line, again) == 0 || damaged(e, "a face is not a triangle");
-}
-
-static bool read_face(FILE *file, const ply_file *f, size_t k, face *out, error *e)
-{
-    *out = (face){0};
-    if (!(f->format == PLY_ASCII ? parse_face(file, f->has_labels, out, e) : unpack_face(file, f, out, e)))
-        return false;
-    for (int c = 0; c < 3; c++)
-        if (out->corner[c] >= f->points.count)
-            return error_set(e, ERROR_INPUT_DAMAGED,
-                             "PLY file: face %zu has the corner %" PRIu32 " of %zu points", k, out->corner[c],
-                             f->points.count);
-    return true;
-}
-
 static bool read_end(FILE *file, error *e)
 {
-    return fgetc(file) == EOF || damaged(e, "it has data after its last point or face");
+    return fgetc(file) == EOF || damaged(e, "it has data after its last point");
 }
 
 static bool read_start(FILE *file, ply_file *f, error *e)
@@ -650,21 +576,10 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     ply_file f = {0};
     double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
-    f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
-    f.triangle_labels = mem_array(f.has_labels ? f.points.triangle_count : 0, sizeof *f.triangle_labels,
-                                  "the faces of a PLY file", e);
-    f.points.triangle = (const uint32_t(*)[3])f.triangles;
-    f.points.triangle_labels = f.has_labels ? (const int64_t(*)[2])f.triangle_labels : NULL;
-    bool ok = f.triangles && f.triangle_labels && columns_lay_out(&f.columns, &f.points, &f.storage, e);
+    bool ok = columns_lay_out(&f.columns, &f.points, &f.storage, e);
     for (size_t i = 0; ok && i < f.points.count; i++) {
         ok = read_row(file, &f, i, row, e);
         for (size_t c = 0; ok && c < f.columns.count; c++) column_store(&f.columns.list[c], i, row[c]);
-    }
-    for (size_t k = 0; ok && k < f.points.triangle_count; k++) {
-        face read;
-        ok = read_face(file, &f, k, &read, e);
-        if (ok) memcpy(f.triangles[k], read.corner, sizeof read.corner);
-        if (ok && f.has_labels) memcpy(f.triangle_labels[k], read.label, sizeof read.label);
     }
     if (ok && read_end(file, e)) {
         *out = f;
@@ -684,7 +599,5 @@ void ply_file_free(ply_file *file)
 {
     if (!file) return;
     free(file->storage);
-    free(file->triangles);
-    free(file->triangle_labels);
     *file = (ply_file){0};
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* ply: writes points.ply and mesh.ply, and reads them.
+/* ply: writes points.ply and mesh.ply, and reads points.ply.
  *
  * The element `vertex` has a property per column; real numbers are all floats or all doubles. A set with
  * triangles has a second element, `face`, with the list `vertex_indices` of three. Faces between labels also
@@ -35,15 +35,11 @@ typedef struct ply_file {
     ply_format format;
     ply_precision precision;
     columns columns; /* columns of the file */
-    void *storage;   /* private, also the next members */
-    uint32_t (*triangles)[3];
-    int64_t (*triangle_labels)[2];
-    bool has_labels; /* faces have labels */
-    column_type label_type;
+    void *storage;   /* private */
 } ply_file;
 
-/* Reads a seekable file from its start to its end. Accepts only files that ply_write writes, and any
- * comments. Error: input_damaged (a wrong header, a wrong count, trailing bytes, values that are not finite).
+/* Reads a seekable file from its start to its end. Accepts only files of points without triangles that ply_write
+ * writes, and any comments. Error: input_damaged (a wrong header, a wrong count, trailing bytes, values that are not finite).
  * Memory is allocated only if the size of the file is consistent with the count. The caller frees *out
  * with ply_file_free. */
 bool ply_read(FILE *file, ply_file *out, error *e);
