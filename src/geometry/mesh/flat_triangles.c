@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "geometry/mesh/mesh_weld.h"
+#include "base/core/heap.h"
 #include "base/core/memory.h"
 #include "geometry/mesh/linked_mesh.h"
 #include "geometry/mesh/rounding.h"
@@ -22,16 +23,10 @@ typedef struct looking {
     atomic_bool found; /* a flat triangle was found */
 } looking;
 
-typedef struct entry {
-    double length2; /* squared length of the triangle's longest side */
-    uint32_t triangle;
-} entry;
-
 typedef struct removing {
     linked_mesh l;
     rounding r;
-    entry *heap; /* flat triangles; the one with the longest side is on top */
-    size_t count, room;
+    heap flat; /* triangles; key: minus the squared length of the longest side */
 } removing;
 
 static bool is_same(vec3 a, vec3 b)
@@ -94,37 +89,6 @@ static bool find_flat(looking *l, threads *pool)
     return l->r.relative > 0 || look(l, pool);
 }
 
-/* ---- heap of flat triangles, ordered by their longest sides */
-
-static bool comes_before(entry a, entry b)
-{
-    return a.length2 > b.length2 || (a.length2 == b.length2 && a.triangle < b.triangle);
-}
-
-static bool push(removing *r, entry added, error *e)
-{
-    if (!MEM_GROW(r->heap, r->count, &r->room, what, e)) return false;
-    size_t k = r->count++;
-    for (; k > 0 && comes_before(added, r->heap[(k - 1) / 2]); k = (k - 1) / 2)
-        r->heap[k] = r->heap[(k - 1) / 2];
-    r->heap[k] = added;
-    return true;
-}
-
-static entry pop(removing *r)
-{
-    const entry first = r->heap[0], last = r->heap[--r->count];
-    size_t k = 0, child;
-    while ((child = 2 * k + 1) < r->count) {
-        child += child + 1 < r->count && comes_before(r->heap[child + 1], r->heap[child]);
-        if (!comes_before(r->heap[child], last)) break;
-        r->heap[k] = r->heap[child];
-        k = child;
-    }
-    r->heap[k] = last;
-    return first;
-}
-
 /* The present shape of a triangle. */
 typedef struct shape {
     bool flat;
@@ -145,7 +109,7 @@ static shape shape_of(const removing *r, uint32_t t)
 static bool push_if_flat(removing *r, uint32_t t, error *e)
 {
     const shape s = shape_of(r, t);
-    return !s.flat || push(r, (entry){s.length2, t}, e);
+    return !s.flat || heap_push(&r->flat, (heap_item){-s.length2, t, 0}, what, e);
 }
 
 /* ---- removal of one triangle */
@@ -215,13 +179,13 @@ static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
  * cycles. */
 static bool remove_all(removing *r, size_t most, error *e)
 {
-    while (r->count > 0 && most-- > 0) {
-        const entry first = pop(r);
-        if (r->l.dead[first.triangle]) continue;
-        const shape s = shape_of(r, first.triangle);
-        /* changed since it was pushed; a later entry is valid */
-        if (!s.flat || s.length2 != first.length2) continue;
-        if (!remove_one(r, first.triangle, &s, e)) return false;
+    while (r->flat.count > 0 && most-- > 0) {
+        const heap_item first = heap_pop(&r->flat);
+        if (r->l.dead[first.item]) continue;
+        const shape s = shape_of(r, first.item);
+        /* changed since it was pushed; a later item is valid */
+        if (!s.flat || s.length2 != -first.key) continue;
+        if (!remove_one(r, first.item, &s, e)) return false;
     }
     return true;
 }
@@ -233,7 +197,7 @@ static bool begin(removing *r, mesh *m, size_t *flat, error *e)
     if (!linked_mesh_begin(m, &r->l, e)) return false;
     for (uint32_t t = 0; t < m->triangle_count; t++)
         if (linked_mesh_is_proper(m->triangle[t]) && !push_if_flat(r, t, e)) return false;
-    *flat = r->count;
+    *flat = r->flat.count;
     return true;
 }
 
@@ -245,7 +209,7 @@ static bool remove_flat(mesh *m, const rounding *rounded, mesh_notes *notes, err
     size_t flat = 0;
     const bool ok = begin(&r, m, &flat, e) && remove_all(&r, ROUNDS * flat + ROUNDS_MORE, e);
     linked_mesh_end(&r.l);
-    free(r.heap);
+    free(r.flat.item);
     if (ok && flat)
         mesh_note(notes,
                   "%zu of %zu triangles have no area (corners on a line within rounding): they are "

@@ -281,7 +281,6 @@ static void evaluate(const finding *f, size_t i, point_curvature *out)
     out->is_defined = true;
     field_curvature(&s, &out->kappa1, &out->kappa2);
     out->direction1 = field_principal_direction(&s, true);
-    out->direction2 = field_principal_direction(&s, false);
 }
 
 static void evaluate_chunk(void *context, int worker, size_t begin, size_t end)

@@ -28,7 +28,7 @@ typedef struct point_curvature {
     bool is_special; /* on a mesh, or undefined on a volume; otherwise the other members are 0 */
     bool is_defined; /* otherwise the members below are 0 */
     double kappa1, kappa2;
-    vec3 direction1, direction2; /* unit, with any sign, in the sampled space */
+    vec3 direction1; /* unit, with any sign, in the sampled space */
 } point_curvature;
 
 /* Whether a part of the surface is a mesh. */

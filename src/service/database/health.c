@@ -40,7 +40,6 @@ static void set_damage(health *h, const char *found_by, const char *what, bool d
     health_report *k = &h->known;
     if (k->damaged && (doubt || !h->doubt)) return;
     k->damaged = true;
-    k->damaged_ms = clock_wall_ms();
     k->found_by = found_by;
     snprintf(k->damage, sizeof k->damage, "%s", what);
     for (char *c = k->damage; *c; c++)

@@ -23,7 +23,6 @@
 
 typedef struct health_report {
     bool damaged, checking;
-    int64_t damaged_ms;    /* time at which the damage was found, wall clock */
     const char *found_by;  /* "statement", "copy", "quick_check" or "integrity_check" */
     char damage[240];      /* description of the damage */
     int64_t checked_ms;    /* end of the last check, wall clock; 0: no check has ended */

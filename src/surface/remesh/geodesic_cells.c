@@ -4,59 +4,19 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/core/heap.h"
 #include "base/core/memory.h"
 #include "surface/triangles/triangle_tree.h"
 
 static const char what[] = "the cells of the points";
-
-/* A candidate: the distance of a vertex from the point `name`. */
-typedef struct reach {
-    double distance;
-    uint32_t vertex, name;
-} reach;
 
 typedef struct growth {
     const fine_mesh *f;
     double *distance;         /* per vertex: the least candidate distance so far, INFINITY if there is none */
     uint32_t *offered, *name; /* per vertex: the point of this candidate; the point of the cell once the
                                * vertex is final */
-    reach *heap;              /* candidates; the one with the least distance is on top */
-    size_t count, room;
+    heap candidates;          /* vertices, `of` points; key: the distance of both */
 } growth;
-
-/* ---- the heap ---- */
-
-static bool comes_before(const reach *a, const reach *b)
-{
-    if (a->distance != b->distance) return a->distance < b->distance;
-    return a->vertex != b->vertex ? a->vertex < b->vertex : a->name < b->name;
-}
-
-static bool push(growth *g, reach r, error *e)
-{
-    if (!MEM_GROW(g->heap, g->count, &g->room, what, e)) return false;
-    size_t at = g->count++;
-    for (size_t up; at > 0 && comes_before(&r, &g->heap[up = (at - 1) / 2]); at = up)
-        g->heap[at] = g->heap[up];
-    g->heap[at] = r;
-    return true;
-}
-
-static reach pop(growth *g)
-{
-    const reach top = g->heap[0], last = g->heap[--g->count];
-    size_t at = 0;
-    for (;;) {
-        size_t next = 2 * at + 1;
-        if (next >= g->count) break;
-        if (next + 1 < g->count && comes_before(&g->heap[next + 1], &g->heap[next])) next++;
-        if (!comes_before(&g->heap[next], &last)) break;
-        g->heap[at] = g->heap[next];
-        at = next;
-    }
-    g->heap[at] = last;
-    return top;
-}
 
 /* ---- propagation ---- */
 
@@ -77,13 +37,13 @@ static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3
 
 /* Pushes a candidate if it is better than the previous candidates of its vertex. Worse candidates in the
  * heap are skipped later, because the vertex is final then. */
-static bool offer(growth *g, reach r, error *e)
+static bool offer(growth *g, heap_item r, error *e)
 {
-    const uint32_t v = r.vertex;
-    if (r.distance > g->distance[v] || (r.distance == g->distance[v] && r.name >= g->offered[v])) return true;
-    g->distance[v] = r.distance;
-    g->offered[v] = r.name;
-    return push(g, r, e);
+    const uint32_t v = r.item;
+    if (r.key > g->distance[v] || (r.key == g->distance[v] && r.of >= g->offered[v])) return true;
+    g->distance[v] = r.key;
+    g->offered[v] = r.of;
+    return heap_push(&g->candidates, r, what, e);
 }
 
 /* Pushes candidates for the neighbours of v, which has just become final, across its triangles. */
@@ -100,7 +60,7 @@ static bool look_around(growth *g, uint32_t v, error *e)
                                  ? distance_across(m->vertex[v], g->distance[v], m->vertex[beside],
                                                    g->distance[beside], m->vertex[to])
                                  : g->distance[v] + vec3_norm(vec3_sub(m->vertex[to], m->vertex[v]));
-            if (!offer(g, (reach){d, to, g->name[v]}, e)) return false;
+            if (!offer(g, (heap_item){d, to, g->name[v]}, e)) return false;
         }
     }
     return true;
@@ -116,7 +76,7 @@ static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t 
         double weight[3];
         const uint32_t *t = m->triangle[triangle_tree_find(tree, position[i], weight)];
         for (int k = 0; ok && k < 3; k++)
-            ok = offer(g, (reach){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
+            ok = offer(g, (heap_item){vec3_norm(vec3_sub(m->vertex[t[k]], position[i])), t[k], name[i]}, e);
     }
     triangle_tree_free(tree);
     return ok;
@@ -135,13 +95,13 @@ bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position,
         g.name[v] = GEODESIC_CELLS_NONE;
     }
     ok = ok && begin(&g, count, position, name, e);
-    while (ok && g.count > 0) {
-        const reach r = pop(&g);
-        if (g.name[r.vertex] != GEODESIC_CELLS_NONE) continue;
-        g.name[r.vertex] = r.name;
-        ok = look_around(&g, r.vertex, e);
+    while (ok && g.candidates.count > 0) {
+        const heap_item r = heap_pop(&g.candidates);
+        if (g.name[r.item] != GEODESIC_CELLS_NONE) continue;
+        g.name[r.item] = r.of;
+        ok = look_around(&g, r.item, e);
     }
-    free(g.heap);
+    free(g.candidates.item);
     free(g.distance);
     free(g.offered);
     if (ok)

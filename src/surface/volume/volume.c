@@ -48,7 +48,6 @@ typedef struct loading {
     int fd;         /* file of grids */
     size_t index;   /* index of the grid */
     bool is_grid;
-    bool flooded; /* signs of inactive voxels were recomputed */
     size_t memory_limit;
     vdb_grid *grid;
     grid_view_kind kind;
@@ -280,7 +279,6 @@ static bool flood(loading *l, volume *v, error *e)
     grid_view_free(&l->grid_view);
     crossings_free(&l->crossings);
     vdb_grid_free(l->grid);
-    l->flooded = true;
     l->grid = vdb_load_grid(l->fd, l->index, (vdb_loading){.flood = true}, l->memory_limit, e);
     if (!l->grid) return error_prefix(e, "%s", l->name);
     if (!look_for_crossings(l, v, e)) return false;
