@@ -113,7 +113,7 @@ static void make_shape(outline *o, int kind, size_t size, rng *r)
 
 /* ---- checks */
 
-static void triangle_across(const double a[3], const double b[3], const double c[3], double out[3])
+static void vec3_across(const double a[3], const double b[3], const double c[3], double out[3])
 {
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -151,7 +151,7 @@ static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
     assert_true(place && corner && out);
     for (int k = 0; k < 9; k++) axis[k / 3][k % 3] = rng_uniform(r) - 0.5;
     double normal[3], origin[3] = {0, 0, 0};
-    triangle_across(origin, axis[0], axis[1], normal);
+    vec3_across(origin, axis[0], axis[1], normal);
     const double scale = sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
     for (size_t k = 0; k < o->count; k++) {
         corner[k] = (uint32_t)k;
@@ -163,7 +163,7 @@ static void assert_covered(const outline *o, rng *r, bool flat_ones_too)
     double sum = 0;
     for (size_t n = 0; n + 2 < o->count; n++) {
         double across[3];
-        triangle_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
+        vec3_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
         const double length = sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2]),
                      along = (across[0] * normal[0] + across[1] * normal[1] + across[2] * normal[2]) / scale;
         sum += length / 2;
@@ -277,7 +277,7 @@ static void straight_corners_give_no_flat_triangles(void **state)
         assert_int_equal(polygon_cut((const double(*)[3])place, corner, o.count, NULL, out), POLYGON_CUT);
         for (size_t t = 0; t + 2 < o.count; t++) {
             double across[3];
-            triangle_across(place[out[t][0]], place[out[t][1]], place[out[t][2]], across);
+            vec3_across(place[out[t][0]], place[out[t][1]], place[out[t][2]], across);
             assert_true(across[1] > 0);
         }
     }
@@ -393,7 +393,7 @@ static void large_polygons_are_cut(void **state)
         assert_int_equal(polygon_cut((const double(*)[3])place, corner, COUNT, NULL, out), POLYGON_CUT);
         for (size_t n = 0; n + 2 < COUNT; n++) {
             double across[3];
-            triangle_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
+            vec3_across(place[out[n][0]], place[out[n][1]], place[out[n][2]], across);
             sum += fabs(across[2]) / 2;
         }
         assert_true(fabs(sum - wanted) <= 1e-9 * wanted);

@@ -14,7 +14,6 @@
 #include "base/core/error.h"
 #include "base/core/threads.h"
 #include "geometry/space/bbox.h"
-#include "geometry/space/triangle.h"
 #include "geometry/space/vec3.h"
 
 typedef struct mesh {
@@ -52,12 +51,6 @@ bbox mesh_box(const mesh *m, threads *pool);
 /* The sum of the areas of the triangles, duplicates included. */
 double mesh_area(const mesh *m);
 
-static inline triangle mesh_triangle(const mesh *m, size_t n)
-{
-    const uint32_t *t = m->triangle[n];
-    return (triangle){m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]};
-}
-
 static inline void mesh_get_corners(const mesh *m, size_t n, vec3 out[3])
 {
     for (int k = 0; k < 3; k++) out[k] = m->vertex[m->triangle[n][k]];
@@ -66,8 +59,8 @@ static inline void mesh_get_corners(const mesh *m, size_t n, vec3 out[3])
 /* The normal of a triangle, as long as twice its area. */
 static inline vec3 mesh_across(const mesh *m, size_t n)
 {
-    const triangle t = mesh_triangle(m, n);
-    return triangle_across(t.a, t.b, t.c);
+    const uint32_t *t = m->triangle[n];
+    return vec3_across(m->vertex[t[0]], m->vertex[t[1]], m->vertex[t[2]]);
 }
 
 /* Whether a triangle has two equal corners. */

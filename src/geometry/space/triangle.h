@@ -5,6 +5,7 @@
 #define HEXAD_GEOMETRY_SPACE_TRIANGLE_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "geometry/space/bbox.h"
 #include "geometry/space/vec3.h"
@@ -13,10 +14,9 @@ typedef struct triangle {
     vec3 a, b, c;
 } triangle;
 
-/* The normal of a triangle, as long as twice its area. */
-static inline vec3 triangle_across(vec3 a, vec3 b, vec3 c)
+static inline triangle triangle_of_corners(const vec3 *vertex, const uint32_t corner[3])
 {
-    return vec3_cross(vec3_sub(b, a), vec3_sub(c, a));
+    return (triangle){vertex[corner[0]], vertex[corner[1]], vertex[corner[2]]};
 }
 
 static inline bbox triangle_box(const triangle *t)

@@ -70,6 +70,12 @@ static inline vec3 vec3_cross(vec3 a, vec3 b)
     return (vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
+/* (b - a) x (c - a): the normal of the triangle a, b, c, as long as twice its area. */
+static inline vec3 vec3_across(vec3 a, vec3 b, vec3 c)
+{
+    return vec3_cross(vec3_sub(b, a), vec3_sub(c, a));
+}
+
 /* a / |a|; the zero vector for the zero vector */
 static inline vec3 vec3_unit(vec3 a)
 {

@@ -249,7 +249,7 @@ static vec3 polygon_normal(const polygon_mesh *p, size_t face)
     const uint32_t *c = p->polygons.corner + p->polygons.first[face];
     vec3 sum = {0, 0, 0};
     for (uint32_t k = 1; k + 1 < p->polygons.size[face]; k++)
-        sum = vec3_add(sum, triangle_across(p->m.vertex[c[0]], p->m.vertex[c[k]], p->m.vertex[c[k + 1]]));
+        sum = vec3_add(sum, vec3_across(p->m.vertex[c[0]], p->m.vertex[c[k]], p->m.vertex[c[k + 1]]));
     return vec3_norm(sum) > 0 ? vec3_unit(sum) : (vec3){0, 0, 0};
 }
 

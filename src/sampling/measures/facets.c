@@ -190,7 +190,7 @@ static void bound_item(const facets *f, uint32_t item, vec3 normal, float angle,
     }
     vec3 c[3];
     mesh_corners(f, item, c);
-    const vec3 cross = triangle_across(c[0], c[1], c[2]);
+    const vec3 cross = vec3_across(c[0], c[1], c[2]);
     out->normal = vec3_unit(cross);
     out->angle = 0;
     out->area = 0.5 * vec3_norm(cross);
@@ -526,7 +526,7 @@ int facets_expand(const facets *f, size_t k, facet out[FIELD_CELL_TRIANGLES])
     int kept = 0;
     const uint32_t patch = patch_of_item(f, item), piece = piece_of_item(f, item);
     for (int t = 0; t < count; t++) {
-        const vec3 cross = triangle_across(corner[t][0], corner[t][1], corner[t][2]);
+        const vec3 cross = vec3_across(corner[t][0], corner[t][1], corner[t][2]);
         const double twice = vec3_norm(cross);
         if (!(twice > 0)) continue;
         facet *to = &out[kept++];
@@ -612,7 +612,7 @@ static void search_item(item_search *s, size_t k)
     for (int i = 0; i < count; i++) {
         const triangle at = {corner[i][0], corner[i][1], corner[i][2]};
         const double d = sqrt(triangle_distance2(&at, s->x));
-        if (!(d < s->nearest) || !(vec3_norm2(triangle_across(corner[i][0], corner[i][1], corner[i][2])) > 0))
+        if (!(d < s->nearest) || !(vec3_norm2(vec3_across(corner[i][0], corner[i][1], corner[i][2])) > 0))
             continue;
         s->nearest = d;
         s->found = k;

@@ -374,7 +374,7 @@ static void examine_facet(const solver *s, const surroundings *a, const bbox *cu
         box = bbox_include(box, part.corner[c]);
     }
     if (!bbox_meet(&box, cube) || farthest_corner2(&part) <= far->distance * far->distance) return;
-    const vec3 normal = vec3_unit(triangle_across(f->corner[0], f->corner[1], f->corner[2]));
+    const vec3 normal = vec3_unit(vec3_across(f->corner[0], f->corner[1], f->corner[2]));
     if (is_opposite(s->state.p, a->own, f->patch, normal) || is_outside_cell(s, a, f->patch, normal, &part))
         return;
     cut_to_box(&part, cube);
@@ -755,7 +755,7 @@ static void add_facets(const surface *scan, size_t k, facet *out, size_t *count)
     vec3 corner[FIELD_CELL_TRIANGLES][3];
     const int triangles = surface_cell_triangles(scan, k, corner);
     for (int t = 0; t < triangles; t++) {
-        if (!(vec3_norm2(triangle_across(corner[t][0], corner[t][1], corner[t][2])) > 0)) continue;
+        if (!(vec3_norm2(vec3_across(corner[t][0], corner[t][1], corner[t][2])) > 0)) continue;
         facet *f = &out[(*count)++];
         memcpy(f->corner, corner[t], sizeof f->corner);
         f->patch = surface_cell_patch(scan, k, field_triangle_middle(corner[t]));

@@ -130,7 +130,7 @@ static vec3 cutting_normal(const job *j, vec3 own, uint32_t from, uint32_t to)
         if (j->fan[k].to == from) {
             const uint32_t *c = j->in->triangle[j->fan[k].triangle];
             const vec3 *x = j->in->position;
-            mean = vec3_add(own, vec3_unit(triangle_across(x[c[0]], x[c[1]], x[c[2]])));
+            mean = vec3_add(own, vec3_unit(vec3_across(x[c[0]], x[c[1]], x[c[2]])));
             break;
         }
     return vec3_cross(mean, vec3_sub(j->in->position[to], j->in->position[from]));

@@ -134,7 +134,7 @@ static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner,
     const uint16_t first = a < b ? a : b, second = a < b ? b : a;
     const vec3 *x = k->m.vertex;
     const vec3 along = vec3_sub(middle_of(k, second), middle_of(k, first)),
-               across = triangle_across(x[corner[0]], x[corner[1]], x[corner[count - 1]]);
+               across = vec3_across(x[corner[0]], x[corner[1]], x[corner[count - 1]]);
     const bool turn = vec3_dot(along, across) < 0;
     for (int i = 1; i + 1 < count; i++) {
         const uint32_t t[3] = {corner[0], corner[turn ? i + 1 : i], corner[turn ? i : i + 1]};

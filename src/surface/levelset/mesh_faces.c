@@ -200,7 +200,7 @@ vec3 mesh_faces_project(const mesh_faces *f, vec3 x, vec3 normal)
 static mesh_place place_in_group(const mesh_faces *f, size_t group, size_t n, vec3 x)
 {
     mesh_place out = {.triangle = (uint32_t)(f->group[group].triangle - f->m.triangle + (ptrdiff_t)n)};
-    const triangle of = mesh_triangle(&f->m, out.triangle);
+    const triangle of = triangle_of_corners(f->m.vertex, f->m.triangle[out.triangle]);
     triangle_weights(&of, x, out.weight);
     out.distance = sqrt(triangle_distance2(&of, x));
     return out;
@@ -211,7 +211,7 @@ mesh_place mesh_faces_place(const mesh_faces *f, vec3 x, vec3 normal)
     const projection l = {f, to_voxels(f, x), vec3_unit(normal)};
     size_t n, group = triangle_forest_find(f->trees, l.x, &n);
     mesh_place out = place_in_group(f, group, n, l.x);
-    const triangle of = mesh_triangle(&f->m, out.triangle);
+    const triangle of = triangle_of_corners(f->m.vertex, f->m.triangle[out.triangle]);
     const bool is_inside = out.weight[0] > 0 && out.weight[1] > 0 && out.weight[2] > 0;
     if (is_inside && looks_its_way(&l, n, &of)) return out;
     vec3 at = l.x;

@@ -28,6 +28,11 @@ static const double least_sine2 = 1e-6, large_vox = 64, rounding = 1e-9, least_l
  * its voxels. */
 enum { MANY = 16, SOME = 128 };
 
+static triangle corners_of(const triangle_groups *k, uint32_t n)
+{
+    return triangle_of_corners(k->m->vertex, k->m->triangle[n]);
+}
+
 static vec3 middle_of(const triangle *t)
 {
     return vec3_scale(vec3_add(t->a, vec3_add(t->b, t->c)), 1.0 / 3);
@@ -51,7 +56,7 @@ static bool find_groups(triangle_groups *k, const uint32_t *first_of_solid, uint
     bool ok = block_map_init(&cells, 1024, e);
     for (uint32_t n = 0; ok && n < k->m->triangle_count; n++) {
         while (n >= first_of_solid[solid + 1]) solid++;
-        const triangle t = mesh_triangle(k->m, n);
+        const triangle t = corners_of(k, n);
         const vec3 middle = vec3_scale(middle_of(&t), 1 / group_vox);
         /* a coordinate takes 14 bits */
         const int32_t at[3] = {(int32_t)middle.x | (int32_t)middle.y << 16, (int32_t)middle.z,
@@ -70,7 +75,7 @@ static bbox box_of_group(const triangle_groups *k, size_t g)
 {
     bbox box = bbox_empty();
     for (size_t n = k->first[g]; n < k->first[g + 1]; n++) {
-        const triangle t = mesh_triangle(k->m, k->triangle[n]);
+        const triangle t = corners_of(k, k->triangle[n]);
         box = bbox_unite(box, triangle_box(&t));
     }
     return box;
@@ -83,7 +88,7 @@ static triangle_disc disc_of_group(const triangle_groups *k, size_t g)
     const bbox *box = &k->box[g];
     triangle_disc d = {.middle = vec3_scale(vec3_add(box->min, box->max), 0.5)};
     for (size_t n = k->first[g]; n < k->first[g + 1]; n++) {
-        const triangle t = mesh_triangle(k->m, k->triangle[n]);
+        const triangle t = corners_of(k, k->triangle[n]);
         d.normal = vec3_add(d.normal, normal_of(&t));
     }
     const double length = vec3_norm(d.normal);
@@ -112,7 +117,7 @@ static void bound_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t g = begin; g < end; g++) {
         k->box[g] = box_of_group(k, g);
         k->disc[g] = disc_of_group(k, g);
-        const triangle t = mesh_triangle(k->m, k->triangle[k->first[g]]);
+        const triangle t = corners_of(k, k->triangle[k->first[g]]);
         k->place[g] = middle_of(&t);
     }
 }
@@ -173,7 +178,7 @@ size_t triangle_groups_bytes(const triangle_groups *k)
 bool triangle_groups_is_within(const triangle_groups *k, uint32_t group, vec3 place, double reach2)
 {
     for (size_t n = k->first[group]; n < k->first[group + 1]; n++) {
-        const triangle t = mesh_triangle(k->m, k->triangle[n]);
+        const triangle t = corners_of(k, k->triangle[n]);
         if (triangle_distance2(&t, place) <= reach2) return true;
     }
     return false;
@@ -344,7 +349,7 @@ static void approach_group(const triangle_groups *k, uint32_t group, vec3 origin
         cluster c;
         c.count = 0;
         for (; n < end && c.count < TOGETHER; n++) {
-            const triangle t = mesh_triangle(k->m, k->triangle[n]);
+            const triangle t = corners_of(k, k->triangle[n]);
             cluster_add(&c, &t, origin);
         }
         approach(&c, rows, nearest);
@@ -399,7 +404,7 @@ static places middles_of_group(const triangle_groups *k, uint32_t group, vec3 or
     places p;
     for (size_t n = 0; n < TOGETHER; n++) {
         const size_t which = count > TOGETHER ? n * count / TOGETHER : n < count ? n : 0;
-        const triangle t = mesh_triangle(k->m, k->triangle[first + which]);
+        const triangle t = corners_of(k, k->triangle[first + which]);
         const vec3 at = vec3_sub(middle_of(&t), origin);
         p.at[0][n] = (float)at.x;
         p.at[1][n] = (float)at.y;

@@ -33,9 +33,14 @@ struct triangle_tree {
     lazy_tree *lazy;
 };
 
+static inline triangle triangle_of(const mesh *m, size_t k)
+{
+    return triangle_of_corners(m->vertex, m->triangle[k]);
+}
+
 static bbox box_of_triangle(const void *context, uint32_t k)
 {
-    const triangle t = mesh_triangle(context, k);
+    const triangle t = triangle_of(context, k);
     return triangle_box(&t);
 }
 
@@ -44,7 +49,7 @@ static void measure_box(const triangle *t, double *half, double *area)
 {
     const vec3 size = bbox_size(triangle_box(t));
     *half = size.x * size.y + size.y * size.z + size.z * size.x;
-    *area = 0.5 * vec3_norm(triangle_across(t->a, t->b, t->c));
+    *area = 0.5 * vec3_norm(vec3_across(t->a, t->b, t->c));
 }
 
 /* Number of pieces of a triangle: as many as its box is longer than a square of the triangle's area. */
@@ -110,7 +115,7 @@ static bool make_pieces(const mesh *m, const threads *pool, const char *what, bo
     double halves = 0, areas = 0;
     size_t count = 0;
     for (size_t k = 0; k < m->triangle_count; k++) {
-        const triangle t = mesh_triangle(m, k);
+        const triangle t = triangle_of(m, k);
         double half, area;
         measure_box(&t, &half, &area);
         halves += half;
@@ -123,7 +128,7 @@ static bool make_pieces(const mesh *m, const threads *pool, const char *what, bo
                        mem_array(count, sizeof *list.centre, what, e), 0};
     bool ok = list.box && list.triangle && list.centre;
     for (uint32_t k = 0; ok && k < m->triangle_count; k++) {
-        const triangle t = mesh_triangle(m, k);
+        const triangle t = triangle_of(m, k);
         cut(&t, k, &list);
     }
     ok = ok && box_tree_make(count, list.centre, box_of_piece, &list, pool, what, out, e);
@@ -139,7 +144,7 @@ static bool make(const mesh *m, const threads *pool, lazy_tree *out, error *e)
     static const char what[] = "the tree of a mesh";
     vec3 *centroid = mem_array(m->triangle_count, sizeof *centroid, what, e);
     for (size_t k = 0; centroid && k < m->triangle_count; k++) {
-        const triangle t = mesh_triangle(m, k);
+        const triangle t = triangle_of(m, k);
         centroid[k] = vec3_scale(vec3_add(t.a, vec3_add(t.b, t.c)), 1.0 / 3);
     }
     const bool ok =
@@ -236,7 +241,7 @@ static inline size_t search(const triangle_tree *n, vec3 p, double *nearest, tri
     box_tree_begin_near(tree, &w, p);
     while (box_tree_next_near(tree, &w, best))
         for (size_t k = w.first; k < w.end; k++) {
-            const triangle t = mesh_triangle(n->mesh, tree->order[k]);
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
             if (is_beyond(&t, p, best)) continue;
             const double distance2 = triangle_distance2(&t, p);
             if (!(distance2 < best)) continue;
@@ -258,7 +263,7 @@ bool triangle_tree_find_nearer(const triangle_tree *n, vec3 p, double *distance2
 
 static size_t weights_of(const triangle_tree *n, size_t found, vec3 p, double weight[3])
 {
-    const triangle t = mesh_triangle(n->mesh, found);
+    const triangle t = triangle_of(n->mesh, found);
     triangle_weights(&t, p, weight);
     return found;
 }
@@ -275,7 +280,7 @@ size_t triangle_tree_find(const triangle_tree *n, vec3 p, double weight[3])
 static double bound_by(const triangle_tree *n, vec3 p, size_t start)
 {
     const double margin = 1e-9;
-    const triangle t = mesh_triangle(n->mesh, start);
+    const triangle t = triangle_of(n->mesh, start);
     return (1 + margin) * triangle_distance2(&t, p) + DBL_MIN;
 }
 
@@ -319,7 +324,7 @@ static void cross(const triangle_tree *n, vec3 p, vec3 d, uint32_t skip, line_cr
     box_tree_begin(tree, &w);
     while (box_tree_next_crossed(tree, &w, p, d))
         for (size_t k = w.first; k < w.end; k++) {
-            const triangle t = mesh_triangle(n->mesh, tree->order[k]);
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
             if (tree->order[k] != skip) cross_triangle(&t, p, d, out);
         }
 }
@@ -340,7 +345,7 @@ static void visit_tree(const triangle_tree *n, size_t number, vec3 p, double dis
     box_tree_begin_near(tree, &w, p);
     while (box_tree_next_near(tree, &w, beyond))
         for (size_t k = w.first; k < w.end; k++) {
-            const triangle t = mesh_triangle(n->mesh, tree->order[k]);
+            const triangle t = triangle_of(n->mesh, tree->order[k]);
             if (triangle_distance2(&t, p) <= distance2) visit(context, number, tree->order[k], &t);
         }
 }
@@ -455,7 +460,7 @@ bool triangle_forest_find_accepted(const triangle_forest *n, vec3 p, double with
             if (!(box_tree_distance2(&tree->box, p) < best)) continue;
             const size_t at = search(tree, p, &best, accept, context);
             if (at == tree->mesh->triangle_count) continue;
-            found = mesh_triangle(tree->mesh, at);
+            found = triangle_of(tree->mesh, at);
             is_found = true;
         }
     if (is_found) *place = triangle_nearest(&found, p);
@@ -484,7 +489,7 @@ static void cross_first(const triangle_forest *n, size_t number, vec3 p, vec3 d,
     box_tree_begin_ray(tree, &w, &ray, yet->distance);
     while (box_tree_next_on_ray(tree, &w, &ray, yet->distance))
         for (size_t k = w.first; k < w.end; k++) {
-            const triangle t = mesh_triangle(own->mesh, tree->order[k]);
+            const triangle t = triangle_of(own->mesh, tree->order[k]);
             double det;
             const double at = crossing_at(&t, p, d, &det);
             if (at >= 0 && at < yet->distance && (tree->order[k] != skip->triangle || number != skip->tree))
@@ -507,7 +512,7 @@ ray_crossing triangle_forest_first_crossing(const triangle_forest *n, vec3 p, ve
 
 void triangle_forest_improve(const triangle_forest *n, vec3 p, size_t *tree, size_t *nearest)
 {
-    const triangle t = mesh_triangle(n->tree[*tree]->mesh, *nearest);
+    const triangle t = triangle_of(n->tree[*tree]->mesh, *nearest);
     const forest_result found =
         search_forest(n, p, (forest_result){triangle_distance2(&t, p), *tree, *nearest});
     *tree = found.tree;
