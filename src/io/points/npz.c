@@ -15,33 +15,12 @@
 /* Numbers converted at a time; bytes of the header of an array; bytes of it before the text. */
 enum { BLOCK = 4096, HEADER = 128, PREAMBLE = 10 };
 
-/* ---- the library's callbacks on the file, which the caller owns */
+/* ---- the file, which the caller has opened and closes */
 
 static voidpf open_file(voidpf opaque, const void *name, int mode)
 {
     (void)name, (void)mode;
     return opaque;
-}
-
-static uLong write_file(voidpf opaque, voidpf stream, const void *from, uLong size)
-{
-    (void)opaque;
-    return fwrite(from, 1, size, stream);
-}
-
-static ZPOS64_T tell_file(voidpf opaque, voidpf stream)
-{
-    (void)opaque;
-    return (ZPOS64_T)ftello(stream);
-}
-
-static long seek_file(voidpf opaque, voidpf stream, ZPOS64_T offset, int origin)
-{
-    (void)opaque;
-    return fseeko(stream, (off_t)offset,
-                  origin == ZLIB_FILEFUNC_SEEK_END   ? SEEK_END
-                  : origin == ZLIB_FILEFUNC_SEEK_CUR ? SEEK_CUR
-                                                     : SEEK_SET);
 }
 
 static int close_file(voidpf opaque, voidpf stream)
@@ -50,16 +29,14 @@ static int close_file(voidpf opaque, voidpf stream)
     return 0;
 }
 
-static int file_error(voidpf opaque, voidpf stream)
-{
-    (void)opaque;
-    return ferror(stream);
-}
-
 static zlib_filefunc64_def functions_of(FILE *file)
 {
-    return (zlib_filefunc64_def){open_file, NULL,       write_file, tell_file,
-                                 seek_file, close_file, file_error, file};
+    zlib_filefunc64_def functions; /* the library's own, but for these two */
+    fill_fopen64_filefunc(&functions);
+    functions.zopen64_file = open_file;
+    functions.zclose_file = close_file;
+    functions.opaque = file;
+    return functions;
 }
 
 /* ---- arrays */
