@@ -26,26 +26,14 @@
  * limit of a spec. */
 static char *read_input(size_t *length, error *e)
 {
-    size_t capacity = 65536, used = 0, got;
-    char *text = mem_alloc(capacity);
-    do {
-        if (used + 1 == capacity) text = mem_resize(text, capacity *= 2);
-        got = fread(text + used, 1, capacity - used - 1, stdin);
-        used += got;
-    } while (got > 0 && used <= SPEC_LIMIT_BYTES);
-    if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
-        text[used] = '\0';
-        *length = used;
-        return text;
-    }
-    if (ferror(stdin))
-        error_set(e, ERROR_INTERNAL, "cannot read standard input: %s", strerror(errno));
-    else
+    char *text = store_stream_read(stdin, SPEC_LIMIT_BYTES, length);
+    if (!text && errno == EFBIG)
         error_set(e, ERROR_INTERNAL,
                   "standard input is longer than %u bytes: put the data into a file that the spec names",
                   SPEC_LIMIT_BYTES);
-    free(text);
-    return NULL;
+    else if (!text)
+        error_set(e, ERROR_INTERNAL, "cannot read standard input: %s", strerror(errno));
+    return text;
 }
 
 #define JOBS "/v1/jobs"

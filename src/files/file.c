@@ -209,15 +209,8 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
     return store_file_commit(&file, e);
 }
 
-char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
+char *store_stream_read(FILE *stream, size_t limit, size_t *count)
 {
-    FILE *stream = fopen(path, "rbe");
-    if (!stream) {
-        int why = errno;
-        fail(e, "read", path);
-        errno = why;
-        return NULL;
-    }
     size_t used = 0, capacity = 0, got;
     char *text = NULL;
     do {
@@ -225,18 +218,25 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
         got = fread(text + used, 1, capacity - used - 1, stream);
         used += got;
     } while (got > 0 && used <= limit);
-    bool failed = ferror(stream) != 0;
-    int why = errno;
-    fclose(stream);
-    if (failed || used > limit) {
-        free(text);
-        errno = failed ? why : EFBIG;
-        fail(e, "read", path);
-        errno = failed ? why : EFBIG;
-        return NULL;
+    if (!ferror(stream) && used <= limit) {
+        text[used] = '\0';
+        *count = used;
+        return text;
     }
-    text[used] = '\0';
-    *count = used;
+    const int why = ferror(stream) ? errno : EFBIG;
+    free(text);
+    errno = why;
+    return NULL;
+}
+
+char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
+{
+    FILE *stream = fopen(path, "rbe");
+    char *text = stream ? store_stream_read(stream, limit, count) : NULL;
+    const int why = errno;
+    if (stream) fclose(stream);
+    errno = why;
+    if (!text) fail(e, "read", path);
     return text;
 }
 

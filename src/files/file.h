@@ -52,6 +52,8 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
 /* Reads a whole file. Returns its bytes and a NUL; the caller frees them. *count excludes the NUL. A file of
  * more than `limit` bytes is an error. On failure errno is set, too. */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
+/* The same for a stream, from its position to its end. On failure errno is set: EFBIG, or as of fread. */
+char *store_stream_read(FILE *stream, size_t limit, size_t *count);
 
 /* Checks that only the user of the service and root can access an open file. Otherwise returns false and the
  * error spec_invalid. Root can show the service a file by making it readable for its group. The group must be

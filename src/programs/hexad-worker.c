@@ -452,22 +452,13 @@ static FILE *open_spec(const char *path, error *e)
 /* The whole text of a spec. NULL and an error if it cannot be read. */
 static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
 {
-    char *text = NULL;
-    size_t capacity = 0;
-    *length = 0;
-    do {
-        capacity = capacity ? 2 * capacity : 1u << 14;
-        text = mem_resize(text, capacity);
-        *length += fread(text + *length, 1, capacity - *length, file);
-    } while (*length == capacity && capacity <= SPEC_LIMIT);
-    bool failed = ferror(file) != 0;
-    if (!failed && *length <= SPEC_LIMIT) return text;
-    free(text);
-    error_set(e, ERROR_SPEC_INVALID,
-              failed ? "cannot read the spec %s"
-                     : "the spec %s is too large: put long arrays into files that the spec names",
-              path);
-    return NULL;
+    char *text = store_stream_read(file, SPEC_LIMIT, length);
+    if (!text)
+        error_set(e, ERROR_SPEC_INVALID,
+                  errno == EFBIG ? "the spec %s is too large: put long arrays into files that the spec names"
+                                 : "cannot read the spec %s",
+                  path);
+    return text;
 }
 
 /* The spec that places the points of a result on other meshes. `report` is the report of the result. */
