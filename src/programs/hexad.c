@@ -103,6 +103,8 @@ typedef struct service {
     control_groups *groups; /* NULL: none */
     struct slurm *farm;     /* NULL: attempts are processes of this host */
     executor *x;
+    bool is_supervised; /* the executor was started */
+    bool is_listed;     /* the port file was written */
     listen_socket *sockets;
     size_t socket_count;
     access_control *access;
@@ -132,11 +134,6 @@ static bool init_signals(service *s, error *e)
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before other threads start, since they inherit the mask */
     s->signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
     return s->signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));
-}
-
-static void fini_signals(service *s)
-{
-    close(s->signals);
 }
 
 static void log_warning(const char *setting, const char *message)
@@ -173,15 +170,8 @@ static bool init_state(service *s, error *e)
         return error_set(e, ERROR_INTERNAL, "cannot resolve state_dir %s: %s", s->settings.state_dir,
                          strerror(errno));
     s->work_dir = farm_work_directory(&s->settings, s->state_dir, e);
-    if (!s->work_dir) free(s->state_dir);
     if (s->work_dir) visit_open_directories(&s->settings, log_warning);
     return s->work_dir != NULL;
-}
-
-static void fini_state(service *s)
-{
-    free(s->state_dir);
-    free(s->work_dir);
 }
 
 /* Default limits of memory for bodies, as numbers of bodies of the maximum length. */
@@ -219,11 +209,6 @@ static bool init_ledger(service *s, error *e)
     return true;
 }
 
-static void fini_ledger(service *s)
-{
-    ledger_free(s->counts);
-}
-
 static int64_t bound_of(int64_t setting, int64_t unit)
 {
     return setting ? setting * unit : INT64_MAX;
@@ -252,11 +237,6 @@ static bool init_queue(service *s, error *e)
     return true;
 }
 
-static void fini_queue(service *s)
-{
-    queue_close(s->q);
-}
-
 static bool init_checker(service *s, error *e)
 {
     s->checker =
@@ -264,24 +244,12 @@ static bool init_checker(service *s, error *e)
     return s->checker != NULL;
 }
 
-static void fini_checker(service *s)
-{
-    checker_stop(s->checker);
-}
-
 static bool init_inputs(service *s, error *e)
 {
     s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
     s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes,
                                   s->settings.upload_total_bytes, s->counts, e);
-    if (!s->inputs) free(s->inputs_dir);
     return s->inputs != NULL;
-}
-
-static void fini_inputs(service *s)
-{
-    store_inputs_close(s->inputs);
-    free(s->inputs_dir);
 }
 
 /* Logs roots that this process cannot list; paths below them can still be open to it. */
@@ -333,11 +301,6 @@ static bool init_roots(service *s, error *e)
     return s->roots != NULL;
 }
 
-static void fini_roots(service *s)
-{
-    store_roots_close(s->roots);
-}
-
 /* An address of the setting `listen`; "unix:" is the default socket. The caller frees it. */
 static char *address_of(const char *given, const char *state_dir)
 {
@@ -354,12 +317,6 @@ static bool open_socket(service *s, const char *given, error *e)
     s->socket_count += ok;
     free(where);
     return ok;
-}
-
-static void fini_sockets(service *s)
-{
-    for (size_t k = 0; k < s->socket_count; k++) listen_close(&s->sockets[k]);
-    free(s->sockets);
 }
 
 static bool values_sockets(service *s, error *e)
@@ -428,7 +385,6 @@ static bool init_sockets(service *s, error *e)
     if (ok && passed && given->count) warn_of_ignored_addresses(s);
     if (!passed && !given->count) ok = open_socket(s, "unix:", e);
     for (size_t k = 0; ok && !passed && k < given->count; k++) ok = open_socket(s, given->item[k], e);
-    if (!ok) fini_sockets(s);
     return ok;
 }
 
@@ -528,21 +484,9 @@ static bool init_access(service *s, error *e)
     };
     s->access = access_open(&settings, e);
     bool ok = s->access && check_sockets(s, file, e);
-    if (!ok) access_close(s->access);
     free(file);
     free(key_file);
     return ok;
-}
-
-static void fini_access(service *s)
-{
-    access_close(s->access);
-}
-
-static void fini_output_roots(service *s)
-{
-    mem_free_texts(s->output_root, s->output_roots.root_count);
-    free(s->output_root_of_user);
 }
 
 /* Splits the roots of users, DIRECTORY/%u. */
@@ -605,21 +549,11 @@ static bool init_outputs(service *s, error *e)
     return true;
 }
 
-static void fini_outputs(service *s)
-{
-    output_place_free(s->outputs);
-}
-
 static bool init_mappings(service *s, error *e)
 {
     const config_list *given = &s->settings.path_mappings;
     s->mappings = path_map_read((const char *const *)given->item, given->count, e);
     return s->mappings != NULL;
-}
-
-static void fini_mappings(service *s)
-{
-    path_map_free(s->mappings);
 }
 
 static user_numbers *read_users(const config_list *given, const char *name, double low, double high, error *e)
@@ -634,19 +568,12 @@ static bool read_weights_and_priorities(const config *c, user_numbers **weights,
 {
     *weights = read_users(&c->user_weights, "user_weights", 0.01, 100, e);
     *priorities = *weights ? read_users(&c->user_priorities, "user_priorities", -1000, 1000, e) : NULL;
-    if (!*priorities) user_numbers_free(*weights);
     return *priorities != NULL;
 }
 
 static bool init_users(service *s, error *e)
 {
     return read_weights_and_priorities(&s->settings, &s->weights, &s->priorities, e);
-}
-
-static void fini_users(service *s)
-{
-    user_numbers_free(s->weights);
-    user_numbers_free(s->priorities);
 }
 
 static executor_settings executor_settings_of(const service *s)
@@ -708,14 +635,7 @@ static bool init_executor(service *s, error *e)
                                   " has no commit: results of other builds of this version are "
                                   "reused. Build a clone or a release tarball, or set cache = 0");
     s->x = executor_open(&settings, s->q, s->tasks, e);
-    if (!s->x) farm_close(s->farm);
     return s->x != NULL;
-}
-
-static void fini_executor(service *s)
-{
-    executor_free(s->x);
-    farm_close(s->farm);
 }
 
 static bool init_tasks(service *s, error *e)
@@ -725,32 +645,15 @@ static bool init_tasks(service *s, error *e)
     return true;
 }
 
-static void fini_tasks(service *s)
-{
-    runner_free(s->tasks);
-}
-
 /* Starts the runner, after the steps that add tasks to it. */
 static bool init_background(service *s, error *e)
 {
-    if (runner_start(s->tasks, e)) return true;
-    runner_stop(s->tasks);
-    return false;
-}
-
-static void fini_background(service *s)
-{
-    runner_stop(s->tasks);
+    return runner_start(s->tasks, e);
 }
 
 static bool init_supervisor(service *s, error *e)
 {
-    return executor_start(s->x, e);
-}
-
-static void fini_supervisor(service *s)
-{
-    executor_stop(s->x);
+    return s->is_supervised = executor_start(s->x, e);
 }
 
 static bool init_groups(service *s, error *e)
@@ -762,21 +665,11 @@ static bool init_groups(service *s, error *e)
     return true;
 }
 
-static void fini_groups(service *s)
-{
-    control_groups_close(s->groups);
-}
-
 static bool init_wait_list(service *s, error *e)
 {
     (void)e;
     s->waiting = wait_list_new(s->tasks);
     return true;
-}
-
-static void fini_wait_list(service *s)
-{
-    wait_list_free(s->waiting);
 }
 
 static bool init_notifier(service *s, error *e)
@@ -785,21 +678,11 @@ static bool init_notifier(service *s, error *e)
     return s->notifier != NULL;
 }
 
-static void fini_notifier(service *s)
-{
-    notifier_free(s->notifier);
-}
-
 static bool init_webhook_hosts(service *s, error *e)
 {
     const config_list *given = &s->settings.webhook_hosts;
     s->webhook_hosts = webhook_hosts_read((const char *const *)given->item, given->count, e);
     return s->webhook_hosts != NULL;
-}
-
-static void fini_webhook_hosts(service *s)
-{
-    webhook_hosts_free(s->webhook_hosts);
 }
 
 static bool values_webhooks(service *s, error *e)
@@ -836,32 +719,17 @@ static bool init_webhooks(service *s, error *e)
     return s->delivery != NULL;
 }
 
-static void fini_webhooks(service *s)
-{
-    delivery_free(s->delivery);
-}
-
 /* Reads the trusted proxies and the permitted web pages. */
 static bool init_network(service *s, error *e)
 {
     const config *c = &s->settings;
     if (!address_ranges_read((const char *const *)c->trusted_proxies.item, c->trusted_proxies.count,
-                             &s->proxies, e)) {
-        address_ranges_clear(&s->proxies);
+                             &s->proxies, e))
         return error_prefix(e, "trusted_proxies");
-    }
     s->pages = pages_new((const char *const *)c->page_origins.item, c->page_origins.count, e);
     for (size_t k = 0; s->pages && k < s->socket_count; k++)
         pages_add(s->pages, s->sockets[k].where, s->sockets[k].address);
-    if (s->pages) return true;
-    address_ranges_clear(&s->proxies);
-    return false;
-}
-
-static void fini_network(service *s)
-{
-    pages_free(s->pages);
-    address_ranges_clear(&s->proxies);
+    return s->pages != NULL;
 }
 
 /* Opens the web page. A service without its page still has all other functions. */
@@ -875,26 +743,11 @@ static bool init_page(service *s, error *e)
     return true;
 }
 
-static void fini_page(service *s)
-{
-    web_page_close(s->page);
-}
-
 static bool init_openapi(service *s, error *e)
 {
     (void)e;
     s->openapi = openapi_new();
     return true;
-}
-
-static void fini_openapi(service *s)
-{
-    openapi_free(s->openapi);
-}
-
-static void free_context(service *s)
-{
-    document_cache_free(s->context.documents);
 }
 
 /* The command that permits a user, without the name; NULL: there is no settings file to change. */
@@ -971,10 +824,8 @@ static bool init_http(service *s, error *e)
                  (ledger_limits){c->user_connection_limit, settings.connections.connection_limit});
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
-    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) {
-        free(s->allow_command);
+    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e)))
         return false;
-    }
     s->context = (http_context){
         .access = s->access,
         .counts = s->counts,
@@ -1009,20 +860,7 @@ static bool init_http(service *s, error *e)
         .session_s = c->session_s,
     };
     s->http = server_start(&settings, s->sockets, s->socket_count, s->access, e);
-    if (s->http) return true;
-    estimator_close(m);
-    free_context(s);
-    free(s->allow_command);
-    return false;
-}
-
-static void fini_http(service *s)
-{
-    if (s->context.estimator) estimator_dismiss(s->context.estimator);
-    server_stop(s->http);
-    estimator_close(s->context.estimator);
-    free_context(s);
-    free(s->allow_command);
+    return s->http != NULL;
 }
 
 static bool place_port_file(service *s, error *e)
@@ -1046,12 +884,7 @@ static bool init_port_file(service *s, error *e)
     bool ok = !*file || store_file_write(file, lines, strlen(lines), e);
     if (!ok) error_prefix(e, "port_file");
     free(lines);
-    return ok;
-}
-
-static void fini_port_file(service *s)
-{
-    if (*s->settings.port_file) unlink(s->settings.port_file);
+    return s->is_listed = ok;
 }
 
 /* A step of the start. Before its start function, its checks refuse what would make the service useless. The
@@ -1059,41 +892,83 @@ static void fini_port_file(service *s)
 static const struct step {
     const char *name;
     bool (*init)(service *s, error *e);
-    void (*fini)(service *s);
     bool (*values)(service *s, error *e); /* checks settings that are wrong on any host; NULL: none */
     bool (*place)(service *s, error *e);  /* checks files and directories of this host; NULL: none */
     bool only_values;                     /* init is the check of values */
 } steps[] = {
-    {"signals", init_signals, fini_signals, NULL, NULL, false},
-    {"state", init_state, fini_state, NULL, place_state, false},
-    {"ledger", init_ledger, fini_ledger, NULL, NULL, false},
-    {"tasks", init_tasks, fini_tasks, NULL, NULL, false},
-    {"queue", init_queue, fini_queue, NULL, NULL, false},
-    {"inputs", init_inputs, fini_inputs, NULL, NULL, false},
-    {"roots", init_roots, fini_roots, values_roots, place_roots, false},
-    {"output_roots", init_output_roots, fini_output_roots, NULL, NULL, true},
-    {"outputs", init_outputs, fini_outputs, NULL, NULL, false},
-    {"mappings", init_mappings, fini_mappings, NULL, NULL, true},
-    {"users", init_users, fini_users, NULL, NULL, true},
-    {"socket", init_sockets, fini_sockets, values_sockets, place_sockets, false},
-    {"access", init_access, fini_access, values_access, place_access, false},
-    {"groups", init_groups, fini_groups, NULL, NULL, false},
-    {"executor", init_executor, fini_executor, values_executor, place_executor, false},
-    {"wait_list", init_wait_list, fini_wait_list, NULL, NULL, false},
-    {"notifier", init_notifier, fini_notifier, NULL, NULL, false},
-    {"webhook_hosts", init_webhook_hosts, fini_webhook_hosts, NULL, NULL, true},
-    {"webhooks", init_webhooks, fini_webhooks, values_webhooks, place_webhooks, false},
-    {"background", init_background, fini_background, NULL, NULL, false},
-    {"supervisor", init_supervisor, fini_supervisor, NULL, NULL, false},
-    {"network", init_network, fini_network, NULL, NULL, true},
-    {"page", init_page, fini_page, NULL, NULL, false},
-    {"openapi", init_openapi, fini_openapi, NULL, NULL, false},
-    {"http", init_http, fini_http, NULL, NULL, false},
-    {"checker", init_checker, fini_checker, NULL, NULL, false},
-    {"port_file", init_port_file, fini_port_file, NULL, place_port_file, false},
+    {"signals", init_signals, NULL, NULL, false},
+    {"state", init_state, NULL, place_state, false},
+    {"ledger", init_ledger, NULL, NULL, false},
+    {"tasks", init_tasks, NULL, NULL, false},
+    {"queue", init_queue, NULL, NULL, false},
+    {"inputs", init_inputs, NULL, NULL, false},
+    {"roots", init_roots, values_roots, place_roots, false},
+    {"output_roots", init_output_roots, NULL, NULL, true},
+    {"outputs", init_outputs, NULL, NULL, false},
+    {"mappings", init_mappings, NULL, NULL, true},
+    {"users", init_users, NULL, NULL, true},
+    {"socket", init_sockets, values_sockets, place_sockets, false},
+    {"access", init_access, values_access, place_access, false},
+    {"groups", init_groups, NULL, NULL, false},
+    {"executor", init_executor, values_executor, place_executor, false},
+    {"wait_list", init_wait_list, NULL, NULL, false},
+    {"notifier", init_notifier, NULL, NULL, false},
+    {"webhook_hosts", init_webhook_hosts, NULL, NULL, true},
+    {"webhooks", init_webhooks, values_webhooks, place_webhooks, false},
+    {"background", init_background, NULL, NULL, false},
+    {"supervisor", init_supervisor, NULL, NULL, false},
+    {"network", init_network, NULL, NULL, true},
+    {"page", init_page, NULL, NULL, false},
+    {"openapi", init_openapi, NULL, NULL, false},
+    {"http", init_http, NULL, NULL, false},
+    {"checker", init_checker, NULL, NULL, false},
+    {"port_file", init_port_file, NULL, place_port_file, false},
 };
 
 static const size_t step_count = sizeof steps / sizeof *steps;
+
+/* Ends what the steps have started, in reverse order. */
+static void end(service *s)
+{
+    if (s->is_listed && *s->settings.port_file) unlink(s->settings.port_file);
+    checker_stop(s->checker);
+    if (s->context.estimator) estimator_dismiss(s->context.estimator);
+    server_stop(s->http);
+    estimator_close(s->context.estimator);
+    document_cache_free(s->context.documents);
+    free(s->allow_command);
+    openapi_free(s->openapi);
+    web_page_close(s->page);
+    pages_free(s->pages);
+    address_ranges_clear(&s->proxies);
+    if (s->is_supervised) executor_stop(s->x);
+    if (s->tasks) runner_stop(s->tasks);
+    delivery_free(s->delivery);
+    webhook_hosts_free(s->webhook_hosts);
+    notifier_free(s->notifier);
+    wait_list_free(s->waiting);
+    executor_free(s->x);
+    farm_close(s->farm);
+    control_groups_close(s->groups);
+    access_close(s->access);
+    for (size_t k = 0; k < s->socket_count; k++) listen_close(&s->sockets[k]);
+    free(s->sockets);
+    user_numbers_free(s->weights);
+    user_numbers_free(s->priorities);
+    path_map_free(s->mappings);
+    output_place_free(s->outputs);
+    mem_free_texts(s->output_root, s->output_roots.root_count);
+    free(s->output_root_of_user);
+    store_roots_close(s->roots);
+    store_inputs_close(s->inputs);
+    free(s->inputs_dir);
+    queue_close(s->q);
+    runner_free(s->tasks);
+    ledger_free(s->counts);
+    free(s->state_dir);
+    free(s->work_dir);
+    if (s->signals >= 0) close(s->signals);
+}
 
 static bool begin_step(const struct step *p, service *s, error *e)
 {
@@ -1143,7 +1018,10 @@ static bool change_users(service *s, const config *fresh, error *e)
     access_names users = admission_names(&fresh->unix_users), groups = admission_names(&fresh->unix_groups),
                  admins = admission_names(&fresh->unix_admins);
     user_numbers *weights, *priorities;
-    if (!read_weights_and_priorities(fresh, &weights, &priorities, e)) return false;
+    if (!read_weights_and_priorities(fresh, &weights, &priorities, e)) {
+        user_numbers_free(weights);
+        return false;
+    }
     access_change_users(s->access, &users, &groups, &admins);
     user_numbers_change(s->weights, weights);
     user_numbers_change(s->priorities, priorities);
@@ -1235,7 +1113,7 @@ static int run(service *s)
         config_locate_error(&s->settings, &e);
         log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
     }
-    while (started > 0) steps[--started].fini(s);
+    end(s);
     if (ok) log_write(LOG_LEVEL_INFO, "hexad: ended");
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
 }
@@ -1293,9 +1171,7 @@ static bool check_values(service *s, error *e)
     for (size_t k = 0; k < step_count; k++) {
         const struct step *p = &steps[k];
         if (p->values && !p->values(s, e)) return false;
-        if (!p->only_values) continue;
-        if (!p->init(s, e)) return false;
-        p->fini(s);
+        if (p->only_values && !p->init(s, e)) return false;
     }
     return true;
 }
@@ -1317,16 +1193,13 @@ static bool check_places(service *s)
 static void warn_of_settings(service *s)
 {
     const config *c = &s->settings;
-    error e = {0};
     warn_of_unknown_users(&c->user_weights, "user_weights");
     warn_of_unknown_users(&c->user_priorities, "user_priorities");
     warn_of_unknown_names(&c->unix_users, false, "unix_users");
     warn_of_unknown_names(&c->unix_groups, true, "unix_groups");
     warn_of_unknown_names(&c->unix_admins, false, "unix_admins");
     visit_open_directories(c, warn);
-    if (!init_output_roots(s, &e)) return;
     warn_of_roots(s);
-    fini_output_roots(s);
 }
 
 /* Checks the settings as a start does, without starting, and warns of users and directories that do not exist.
@@ -1409,6 +1282,7 @@ int main(int argc, char **argv)
         break;
     case CONFIG_CHECK_SETTINGS:
         status = check_settings(&s);
+        end(&s);
         break;
     case CONFIG_CHECK:
         status = maintenance_check(&s.settings);
