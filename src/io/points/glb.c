@@ -105,8 +105,8 @@ static float number(const arrays *a, size_t k, vec3 origin, size_t point, int c)
     double value = property_value(p, point, c);
     if (p->role == PROPERTY_POSITION) value -= vec3_get(origin, c);
     if (t->count > 0)
-        value =
-            (double)((const double *)bsearch(&value, t->value, t->count, sizeof value, compare_doubles) - t->value);
+        value = (double)((const double *)bsearch(&value, t->value, t->count, sizeof value, compare_doubles) -
+                         t->value);
     if (p->role == PROPERTY_COLOR) value = colormap_linear(fmin(fmax(value, 0), 1));
     return (float)value;
 }
