@@ -380,6 +380,19 @@ def test_the_check_of_contents_names_a_damaged_upload(damaged_upload):
     assert f"hexadctl delete-upload --all sha256:{SENT}" in done.stdout
 
 
+@pytest.mark.parametrize("replace, reason", [(lambda file: file.symlink_to("elsewhere"), "it cannot be opened: "),
+                                             (lambda file: file.mkdir(), "cannot be read for its hash: ")])
+def test_the_check_of_contents_names_an_upload_that_cannot_be_read(new_service, replace, reason):
+    service = new_service().start()
+    assert put(service).status == 201
+    assert service.end() == 0
+    file = service.state / "inputs" / f"sha256:{SENT}"
+    file.unlink()
+    replace(file)
+    done = run_hexad(service.build, "--state_dir", service.state, "--check", "--contents")
+    assert done.returncode == 1 and f"upload sha256:{SENT} cannot be compared: " in done.stdout and reason in done.stdout, done
+
+
 @pytest.mark.parametrize("words", [["--contents"], ["--check-settings", "--contents"]])
 def test_contents_belongs_to_check(build, words):
     done = run_hexad(build, *words)

@@ -113,17 +113,20 @@ static bool look_at_directory(audit *a, const char *name, error *e)
     return true;
 }
 
-static void look_at_upload(void *context, const char *name, bool damaged)
+static void look_at_upload(void *context, const char *name, const error *why)
 {
     audit *a = context;
     a->tally->uploads++;
-    a->tally->findings += damaged;
-    if (damaged)
+    a->tally->findings += why->code != ERROR_NONE;
+    if (why->code == ERROR_INPUT_DAMAGED)
         terminal_text_print(
             a->out,
             "upload %s is damaged: start hexad, run \"hexadctl delete-upload --all %s\", and send "
             "the file again\n",
             name, name);
+    else if (why->code != ERROR_NONE)
+        terminal_text_print(a->out, "upload %s cannot be compared: %s. Check the file and its disk\n", name,
+                            why->message);
     show_progress(a, false);
 }
 
@@ -139,9 +142,11 @@ static bool look_for_strangers(audit *a, error *e)
 {
     char *path = mem_printf("%s/results", a->work_dir);
     DIR *listing = opendir(path);
+    struct dirent *entry = NULL;
     bool ok = listing || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    for (struct dirent *entry; ok && listing && (entry = readdir(listing));)
+    while (ok && listing && (errno = 0, entry = readdir(listing)))
         if (entry->d_name[0] != '.') ok = look_at_directory(a, entry->d_name, e);
+    if (ok && listing && !entry && errno) ok = error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     if (listing) closedir(listing);
     free(path);
     return ok;

@@ -441,34 +441,36 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool 
     return ok && (!gone || store_directory_sync(s->directory, e));
 }
 
-/* Opens a stored file if its bytes have another hash than its name, or cannot be read. -1: they have it, or the
- * file does not exist. */
-static int open_damaged(const char *path, const char *hex)
+/* Whether a stored file has the bytes of its name. Errors: input_damaged: it has others; otherwise it cannot be
+ * read. */
+static bool compare_file(const char *path, const char *hex, error *e)
 {
     char found[STORE_HASH_SIZE];
     uint64_t bytes;
-    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-    if (fd < 0 || !store_file_hash(fd, found, &bytes, NULL) || strcmp(found, hex) != 0) return fd;
-    close(fd);
-    return -1;
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    bool ok = fd >= 0 ? store_file_hash(fd, found, &bytes, e)
+                      : error_set(e, ERROR_INTERNAL, "it cannot be opened: %s", strerror(errno));
+    if (ok && strcmp(found, hex) != 0) ok = error_set(e, ERROR_INPUT_DAMAGED, "its bytes have another hash");
+    if (fd >= 0) close(fd);
+    return ok;
 }
 
-bool store_inputs_compare(const char *directory, void (*look)(void *context, const char *name, bool damaged),
-                          void *context, error *e)
+bool store_inputs_compare(const char *directory, store_inputs_look *look, void *context, error *e)
 {
     DIR *listing = opendir(directory);
-    if (!listing && errno != ENOENT)
-        return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", directory, strerror(errno));
-    for (struct dirent *d; listing && (d = readdir(listing));) {
+    struct dirent *d = NULL;
+    if (!listing && errno == ENOENT) return true;
+    while (listing && (errno = 0, d = readdir(listing))) {
         if (!sent_file_is_name(d->d_name)) continue;
+        error why = {0};
         char *path = mem_printf("%s/%s", directory, d->d_name);
-        int fd = open_damaged(path, d->d_name + strlen(STORE_INPUT_PREFIX));
-        look(context, d->d_name, fd >= 0);
-        if (fd >= 0) close(fd);
+        compare_file(path, d->d_name + strlen(STORE_INPUT_PREFIX), &why);
+        look(context, d->d_name, &why);
         free(path);
     }
+    bool ok = !errno || error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", directory, strerror(errno));
     if (listing) closedir(listing);
-    return true;
+    return ok;
 }
 
 void store_inputs_discard_damaged(store_inputs *s, const char *name)
@@ -563,7 +565,7 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
     store_print_digest(&u->hash, hex);
     if (strcmp(hex, u->wanted) != 0) return u->outcome = STORE_UPLOAD_MISMATCH;
     /* outside the mutex, since these are slow */
-    int damaged = open_damaged(u->file.path, hex);
+    const bool damaged = store_inputs_find(u->owner, hex) >= 0 && !compare_file(u->file.path, hex, NULL);
     bool ok = store_file_flush(&u->file, e);
     if (ok) {
         /* under the mutex, so that an existing file is not collected in between: its space would be
@@ -571,7 +573,7 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
         pthread_mutex_lock(&u->owner->mutex);
         /* if the file exists and is not damaged, it is kept, since workers may be reading it */
         const int64_t stored = store_inputs_find(u->owner, hex);
-        bool there = stored >= 0 && damaged < 0;
+        bool there = stored >= 0 && !damaged;
         ok = there ? utimensat(AT_FDCWD, u->file.path, NULL, AT_SYMLINK_NOFOLLOW) == 0
                    : store_file_commit(&u->file, e);
         u->committed = ok && !there;
@@ -580,8 +582,7 @@ store_upload_outcome store_upload_commit(store_upload *u, error *e)
         pthread_mutex_unlock(&u->owner->mutex);
         ok = ok && store_directory_sync(u->owner->directory, e);
     }
-    if (ok && damaged >= 0) log_write(LOG_LEVEL_WARNING, "damaged input replaced sha256=%s", hex);
-    if (damaged >= 0) close(damaged);
+    if (ok && damaged) log_write(LOG_LEVEL_WARNING, "damaged input replaced sha256=%s", hex);
     if (ok) return STORE_UPLOAD_GOOD;
     return u->outcome = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_DISK_FULL : STORE_UPLOAD_FAILED;
 }
