@@ -317,6 +317,16 @@ def test_a_call_is_cancelled_and_limited_while_arrays_are_read(spec):
     assert found.value.code == "limit_time"
 
 
+def test_a_call_that_is_cancelled_before_its_job_begins_says_so():
+    runs = hexad.library.Runs()
+    runs.stopped = True
+    run = hexad.library.Run(hexad.library.Job(json.dumps({"version": 1, **ENDLESS})), runs)
+    run.work()
+    with pytest.raises(hexad.JobFailed, match="cancelled before it began") as found:
+        run.check()
+    assert (found.value.code, found.value.state) == ("cancelled", "cancelled")
+
+
 def test_an_exception_of_the_progress_function_ends_the_call():
     with pytest.raises(ZeroDivisionError):
         hexad.sample(ENDLESS, progress=lambda *_: 1 / 0)
@@ -385,6 +395,20 @@ def test_calls_work_after_fork():
                          "    b = hexad.sample(ball, faces, count=200); os.write(1, b'%d' % (a.positions == b.positions).all()); os._exit(0)\n"
                          "os.wait()")
     assert words == "1"
+
+
+def test_a_process_that_is_forked_during_a_call_ends():
+    words, _ = run_alone(f"told = threading.Event()\nthreading.Thread(target=hexad.sample, args=({ENDLESS!r},), daemon=True, "
+                         "kwargs={'progress': lambda *_: told.set()}).start()\ntold.wait(); child = os.fork()\n"
+                         "if child: os.write(1, b'%d' % os.waitpid(child, 0)[1])")
+    assert words == "0"
+
+
+def test_a_process_that_is_forked_by_the_progress_function_has_a_cancelled_call():
+    words, _ = run_alone(f"children = []\ndef hear(*_):\n    children or children.append(os.fork())\n    return children[0]\n"
+                         f"try: hexad.sample({ENDLESS!r}, progress=hear)\nexcept hexad.JobFailed as e: os.write(1, e.code.encode() + b' ')\n"
+                         "if children[0]: os.write(1, b'%d' % os.waitpid(children[0], 0)[1])")
+    assert words == "cancelled cancelled 0"
 
 
 def test_files_are_read_from_short_threads_and_without_sigchld(tmp_path):

@@ -137,7 +137,7 @@ class Job:
 
     def __init__(self, spec: str) -> None:
         self.library = load()
-        self.handle = ctypes.c_void_p(self.library.hexad_job_new(spec.encode()))
+        self.handle: ctypes.c_void_p | None = ctypes.c_void_p(self.library.hexad_job_new(spec.encode()))
         self.kept: list[Any] = []
 
     def __del__(self) -> None:
@@ -253,7 +253,7 @@ class Run:
         self.job, self.runs = job, runs
         self.told: tuple[str, float] = ("load", 0.0)
         self.has_ended = False
-        self.result, self.error = -1, Error()
+        self.result, self.error = -1, Error(b"cancelled", b"the job was cancelled before it began")
 
     def start(self) -> None:
         # a daemon: the interpreter ends the job and does not wait until it is done
@@ -291,3 +291,14 @@ def stop_all() -> None:
     """The end of the interpreter ends threads that call Python, and with them memory that the library uses."""
     for run in [*active]:
         run.runs.stop()
+
+
+def cancel_all() -> None:
+    """A child of fork has no thread of the calls that were in progress. What the library was changing is not freed there."""
+    for run in active:
+        run.job.handle, run.has_ended, run.runs.stopped = None, True, True
+        run.runs.active.clear()
+    active.clear()
+
+
+os.register_at_fork(after_in_child=cancel_all)
