@@ -272,6 +272,37 @@ static void test_waiting_arrays_and_jobs_follow_a_failure_after_a_kill(void **st
     assert_true(kills >= 3);
 }
 
+/* The job ends with its first piece; the pieces after it, and those of the frames behind it, follow. */
+static void test_frames_fail_although_their_job_is_deleted_before_the_last_piece(void **state)
+{
+    place *p = *state;
+    int kills = 0;
+    for (bool killed = true; killed; kills += killed) {
+        char need[ULID_SIZE], id[ULID_SIZE];
+        const char *needs[] = {need};
+        queue_submission s = large();
+        submit_for(p, &s, need);
+        s.after_frames = needs;
+        s.after_frames_count = 1;
+        submit_for(p, &s, id);
+        alter_database(
+            p, "UPDATE task SET state = 'failed' WHERE number >= 10 AND job = (SELECT min(seq) FROM job);"
+               "UPDATE owner SET tasks = tasks - (SELECT ready - 10 FROM job ORDER BY seq LIMIT 1);"
+               "UPDATE job SET ready = 10, failed = tasks - 10 WHERE seq = (SELECT min(seq) FROM job)");
+        killed = kill_in_commit(p, kills, cancel, need);
+        if (!kills && killed) apply_command(p, need, QUEUE_CANCEL, true);
+        bool more, found, deleted = false;
+        while (assert_true(queue_delete(p->q, need, &found, &deleted, NULL)), !deleted)
+            assert_true(queue_do_piece(p->q, &more, NULL)); /* it has not ended */
+        complete_all(p);
+        expect_state(p, id, QUEUE_FAILED);
+        assert_int_equal(read_number("SELECT count(*) FROM task WHERE error_code = 'dependency_failed'"),
+                         TASKS);
+        delete (p, id);
+    }
+    assert_true(kills >= 3);
+}
+
 static void test_frames_are_released_piece_by_piece(void **state)
 {
     place *p = *state;
@@ -389,6 +420,34 @@ static void test_the_same_key_waits_for_an_array_that_is_being_stored(void **sta
     free(b);
 }
 
+static place *filled;
+
+/* Then no job is stored any more. */
+static int fill_in_third_commit(void *unused)
+{
+    (void)unused;
+    if (atomic_fetch_add(&commits, 1) == 2)
+        queue_bound(filled->q, &(queue_bounds){.user = {INT64_MAX, INT64_MAX}});
+    return 0;
+}
+
+static void test_nothing_is_left_of_an_array_that_is_refused_late(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_submission s = large();
+    submit_for(p, &s, id);
+    apply_command(p, id, QUEUE_CANCEL, true);
+    assert_true(kill_in_commit(p, 2, delete, id)); /* a part of an older job is there, too */
+    assert_int_equal(read_number("SELECT count(*) FROM job WHERE tasks = 0"), 1);
+    filled = p;
+    atomic_store(&commits, 0);
+    sqlite3_commit_hook(connections[0], fill_in_third_commit, NULL);
+    assert_int_equal(submit(p, &s).admission, QUEUE_RESULTS_FULL);
+    sqlite3_commit_hook(connections[0], NULL, NULL);
+    assert_int_equal(read_number("SELECT (SELECT count(*) FROM job) + (SELECT count(*) FROM task)"), 0);
+}
+
 static void test_tasks_of_a_user_are_limited(void **state)
 {
     place *p = *state;
@@ -414,9 +473,11 @@ int main(void)
         CASE(test_a_command_survives_a_kill_in_any_commit),
         CASE(test_a_deletion_survives_a_kill_in_any_commit),
         CASE(test_waiting_arrays_and_jobs_follow_a_failure_after_a_kill),
+        CASE(test_frames_fail_although_their_job_is_deleted_before_the_last_piece),
         CASE(test_frames_are_released_piece_by_piece),
         CASE(test_transactions_change_a_bounded_number_of_rows),
         CASE(test_the_same_key_waits_for_an_array_that_is_being_stored),
+        CASE(test_nothing_is_left_of_an_array_that_is_refused_late),
         CASE(test_tasks_of_a_user_are_limited),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

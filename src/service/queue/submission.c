@@ -377,7 +377,7 @@ static bool complete(database *d, change *c)
 
 static bool abandon(database *d, change *c)
 {
-    return RUN(d, &c->fault, "UPDATE job SET state = 'cancelled' WHERE seq = ?1",
+    return RUN(d, &c->fault, "UPDATE job SET state = 'cancelled' WHERE seq = ?1 AND tasks = 0",
                integer(((submitting *)c)->job.seq));
 }
 
@@ -401,14 +401,15 @@ static bool look_at_needs(submitting *s, error *e)
 /* Stores the job. If that fails in part, the rest is deleted, by a later start at the latest. */
 static bool store(submitting *s, error *e)
 {
-    bool more;
+    bool more = true;
     if (!look_at_needs(s, e)) return false;
     if (s->refused) return true;
     if (!run(s, begin, NULL, e)) return false;
     bool ok = true;
     while (ok && !s->refused && s->next < s->items) ok = run(s, go_on, s->owner, e);
     if (ok && !s->refused && !s->published) ok = s->published = run(s, complete, NULL, e) && s->published;
-    if (!s->published && s->job.seq && run(s, abandon, NULL, NULL)) queue_delete_hidden(s->q, &more, NULL);
+    if (!s->published && s->job.seq && run(s, abandon, NULL, NULL))
+        while (more && queue_delete_hidden(s->q, &more, NULL)) continue;
     return ok;
 }
 

@@ -250,8 +250,9 @@ typedef struct deleting {
     const char *id;
     int64_t seq; /* 0: not known yet */
     bool found, deleted;
-    bool waits; /* for jobs that wait for this one, which are not updated yet */
-    bool whole; /* all rows are deleted */
+    bool waits;                  /* for jobs that wait for this one, which are not updated yet */
+    char with_pieces[ULID_SIZE]; /* if so: the job to complete first; "": none */
+    bool whole;                  /* all rows are deleted */
 } deleting;
 
 /* The events of a job are deleted with it. Clients that follow events receive the number up to which events
@@ -305,6 +306,21 @@ static bool delete_rows(database *d, int64_t seq, int rows, bool *whole, error *
     return RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(seq));
 }
 
+/* Finds a job with pieces that depend on the tasks of the job: itself, or one whose frames wait for its frames. */
+static bool find_pieces(database *d, int64_t seq, char id[ULID_SIZE], error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT id FROM job INDEXED BY job_pieces WHERE " SCHEMA_HAS_PIECES " AND " SCHEMA_WHOLE
+            " AND (seq = ?1 OR EXISTS (SELECT 1 FROM dependency WHERE dependency.job = seq"
+            " AND needs = ?1 AND by_frame = 1)) LIMIT 1",
+            integer(seq));
+    while (database_next(d, s, &ok, e))
+        snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    return ok;
+}
+
 static bool delete_job(database *d, change *asked)
 {
     deleting *x = (deleting *)asked;
@@ -319,6 +335,9 @@ static bool delete_job(database *d, change *asked)
         return false;
     x->waits = ended;
     if (ended) return job_save_dependents(d, j.seq, clock_wall_ms(), e);
+    if (!find_pieces(d, j.seq, x->with_pieces, e)) return false;
+    x->waits = *x->with_pieces;
+    if (x->waits) return true;
     x->deleted = true;
     x->seq = j.seq;
     return note_removed_events(d, &j, e) && hide(d, j.seq, e) &&
@@ -343,9 +362,13 @@ static bool delete_hidden(queue *q, deleting *x, error *e)
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)
 {
     deleting x = {.change.apply = delete_job, .id = id};
+    queue_state unused;
     do {
         x.waits = false;
-        if (!database_change(q->database, &x.change, e)) return false;
+        *x.with_pieces = 0;
+        if (!database_change(q->database, &x.change, e) ||
+            (*x.with_pieces && !queue_complete(q, x.with_pieces, &unused, e)))
+            return false;
     } while (x.waits);
     *found = x.found;
     *deleted = x.deleted;
