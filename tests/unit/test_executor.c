@@ -9,10 +9,12 @@
 #include <dirent.h>
 #include <errno.h>
 #include <poll.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -846,6 +848,41 @@ static queue_task only_task(place *p, const char *id)
     return task;
 }
 
+/* The result has the report of another job, and there is no space for its own one. */
+static void test_a_full_disk_at_the_start_loses_no_result(void **state)
+{
+    place *p = *state;
+    const settlement_place where = make_place(p, 2);
+    char id[ULID_SIZE];
+    error e = {0};
+    put(p, "{}", 3, id);
+    claim_and_die(p, id);
+    char *results = result_directory(p->base, id, QUEUE_NO_FRAME), *filler = mem_printf("%s/filler", results);
+    assert_true(store_directory_create(results, NULL));
+    if (unshare(CLONE_NEWNS) != 0 || mount(NULL, "/", NULL, MS_REC | MS_PRIVATE, NULL) != 0 ||
+        mount("none", results, "tmpfs", 0, "size=64k") != 0) {
+        free(results);
+        free(filler);
+        skip(); /* only root can mount */
+    }
+    put_file(results, "report.json",
+             "{\"spec\":{\"name\":\"other\"},\"outcome\":\"not_converged\",\"count\":1,\"outputs\":[]}");
+    FILE *rest = fopen(filler, "w");
+    while (fputs("rest of the disk\n", rest) >= 0 && fflush(rest) == 0) continue;
+    fclose(rest);
+    const bool full = settlement_recover(&where, false, NULL, NULL, &e);
+    const queue_task before = only_task(p, id);
+    unlink(filler);
+    const bool free_again = settlement_recover(&where, false, NULL, NULL, NULL);
+    assert_int_equal(umount(results), 0);
+    free(results);
+    free(filler);
+    assert_true(!full && free_again);
+    assert_int_equal(e.code, ERROR_STORAGE_FULL);
+    assert_int_equal(before.state, QUEUE_RUNNING);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+}
+
 /* Interruptions are counted separately from failures of the job. A retry resets both counts. */
 static void test_interruptions_have_a_bound(void **state)
 {
@@ -948,6 +985,7 @@ int main(void)
         CASE(test_waits_double),
         CASE(test_a_clock_that_is_set_back_delays_no_retry),
         CASE(test_recovery),
+        CASE(test_a_full_disk_at_the_start_loses_no_result),
         CASE(test_interruptions_have_a_bound),
         CASE(test_interruptions_keep_the_count_of_failures),
         CASE(test_the_reason_names_the_cause),

@@ -530,8 +530,8 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
                 (c->task.frame != QUEUE_NO_FRAME || own_report_correct(results, c->job.spec, &why));
     const queue_outcome outcome = r.outcome;
     result_clear(&r);
-    if (found && !good && why.code != ERROR_NONE && !error_is_of_storage(why.code) &&
-        why.code != ERROR_INPUT_DAMAGED) { /* never discard what could not be examined */
+    if (found && !good && why.code != ERROR_NONE && why.code != ERROR_STORAGE_FAILED &&
+        why.code != ERROR_INPUT_DAMAGED) { /* never discard what could not be examined, as on a full disk */
         free(results);
         if (e) *e = why;
         return error_prefix(e, "the result of job %s", c->job.id);
