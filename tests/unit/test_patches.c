@@ -4,6 +4,7 @@
  */
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -19,6 +20,7 @@
 #include "shapes.h"
 #include "sampling/solver/curves/curve_samples.h"
 #include "sampling/solver/curves/near_curves.h"
+#include "sampling/solver/curves/quota.h"
 #include "sampling/solver/particles/coverage.h"
 #include "sampling/sizing/curve_distance.h"
 
@@ -360,10 +362,30 @@ static void loops_and_short_curves_have_samples(void **state)
     assert_true(curve_samples_make(&s.base, &request, &rows, &e));
     assert_true(rows.count > 4 && rows.count <= 7);
     curve_samples_free(&rows);
-    curve_distance *d = curve_distance_new(&s.patches, false, 0.01, &e);
+    curve_distance *d = curve_distance_new(&s.patches, false, 0.01, NULL, &e);
     assert_close(curve_distance_at(d, 0, (vec3){0.1, 0, 0}), 0.1, 2e-3);
     assert_close(curve_distance_at(d, 0, (vec3){0, 0.35, 0}), 0.15, 4e-3);
     curve_distance_free(d);
+}
+
+static void curves_are_not_sampled_when_the_pool_is_stopped(void **state)
+{
+    (void)state;
+    static faces s;
+    const volatile sig_atomic_t stop = 1;
+    const surface scan = {.area = 1};
+    error e = {0};
+    quota q;
+    make_holed_face(&s);
+    threads *pool = threads_new(1, &stop, &e);
+    assert_null(curve_distance_new(&s.patches, false, 0.01, pool, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    e = (error){0};
+    assert_false(quota_for_spacing(&(quota_input){.field = &s.base, .scan = &scan, .pool = pool}, 0.1,
+                                   SIZE_MAX, &q, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    quota_free(&q);
+    threads_free(pool);
 }
 
 /* A face with two slits from (0.1, 0.1): along x, and to the given end. */
@@ -870,6 +892,7 @@ int main(void)
         cmocka_unit_test(too_many_corners_have_no_samples),
         cmocka_unit_test(samples_of_a_curve_that_folds_back_are_merged),
         cmocka_unit_test(loops_and_short_curves_have_samples),
+        cmocka_unit_test(curves_are_not_sampled_when_the_pool_is_stopped),
         cmocka_unit_test(a_loop_without_samples_uses_no_points),
         cmocka_unit_test(a_loop_never_has_two_samples),
     };

@@ -345,7 +345,7 @@ static void curves_are_finer_than_the_surface(void **state)
         .count = 1, .curve_count = 2, .curve = curve, .vertex = vertex, .curve_patch = ends};
     error e = {0};
     const double even = 0.0966; /* of 2 500 points */
-    curve_distance *curves = curve_distance_new(&patches, true, 0.05 * even, &e);
+    curve_distance *curves = curve_distance_new(&patches, true, 0.05 * even, NULL, &e);
     scanned s = scan_shape(&torus, 2);
     sizing_field_params params = {
         .kind = SIZING_FIELD_EVEN, .curves = curves, .curve_share = 0.5, .gradation = 0.2};

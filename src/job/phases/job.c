@@ -265,8 +265,8 @@ static bool find_curves(job *j, error *e)
     const field *f = j->source.field;
     if (!(j->spec->curve_spacing > 0) || !f->patches || f->patches->curve_count == 0) return true;
     double h = j->spec->count > 0 ? packing_spacing(j->scan->area, (double)j->spec->count) : f->cell_size;
-    j->curves =
-        curve_distance_new(f->patches, true, CURVE_STEP * j->spec->curve_spacing * fmin(h, f->cell_size), e);
+    j->curves = curve_distance_new(f->patches, true,
+                                   CURVE_STEP * j->spec->curve_spacing * fmin(h, f->cell_size), j->pool, e);
     return j->curves != NULL;
 }
 

@@ -44,7 +44,8 @@ static void sample_curves(const field_patches *p, double step, curve_distance *d
         }
 }
 
-curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step, error *e)
+curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step,
+                                   const threads *pool, error *e)
 {
     const char *what = "the curves of a surface";
     curve_distance *d = mem_alloc(sizeof *d);
@@ -62,6 +63,7 @@ curve_distance *curve_distance_new(const field_patches *patches, bool joined, do
     d->begin[0] = 0;
     for (size_t k = 0; k < d->count; k++) {
         size_t places = d->begin[k + 1] - d->begin[k];
+        if (!threads_may_go_on(pool, e)) goto fail;
         if (places > 0 && !(d->tree[k] = point_tree_new(d->place + d->begin[k], places, e))) goto fail;
     }
     return d;

@@ -6,13 +6,15 @@
 #define HEXAD_SAMPLING_SIZING_CURVE_DISTANCE_H
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/field/patches.h"
 
 typedef struct curve_distance curve_distance;
 
 /* Samples the curves at every `step` > 0. `joined`: all patches count as patch 0. The caller frees the
- * result. Error: limit_memory. */
-curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step, error *e);
+ * result. Errors: limit_memory; cancelled, if the pool (NULL: none) is stopped. */
+curve_distance *curve_distance_new(const field_patches *patches, bool joined, double step,
+                                   const threads *pool, error *e);
 void curve_distance_free(curve_distance *d);
 
 /* The distance of x from the curves of a patch; INFINITY without curves. It is too large by at most (step /

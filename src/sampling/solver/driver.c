@@ -123,7 +123,7 @@ solver *solver_new(const field *f, const surface *scan, const solver_params *par
     s->setup.fast = s->state.regime->fast_kernel ? fast_kernel_for(params->isa) : NULL;
     s->record.sweep =
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);
-    if (!s->record.sweep || !level_plan_make(f, scan, params, &s->state.plan, e)) goto fail;
+    if (!s->record.sweep || !level_plan_make(f, scan, params, pool, &s->state.plan, e)) goto fail;
     if (!threads_may_go_on(pool, e)) goto fail;
     size_t capacity = s->scratch.capacity = level_plan_capacity(&s->state.plan);
     s->state.p = particles_new_even(capacity, e);

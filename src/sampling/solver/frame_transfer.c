@@ -939,7 +939,7 @@ static bool hand_over(candidates *c, frame_transfer *out, error *e)
 /* Distributes the points among patches and curves, by the same quota as the solve. */
 static bool allot(candidates *c, error *e)
 {
-    const quota_input in = {c->f, c->scan, c->params->sizing, c->h, false};
+    const quota_input in = {c->f, c->scan, c->params->sizing, c->h, false, c->pool};
     if (!c->f->patches) return true;
     if (!quota_for_count(&in, c->params->count, &c->allotted, e)) return false;
     c->wanted = quota_particles(&c->allotted);

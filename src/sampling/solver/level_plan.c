@@ -160,17 +160,17 @@ static bool plan_patches_from_given(const quota_input *in, const solver_params *
 /* With patches each coarser level has twice the spacing, so that its curves have half as many samples. A
  * level with more curve samples than free particles is not used. If the finest level omits the samples, which
  * are too many for it, there is no coarser level: it would have more samples than free particles. */
-static bool plan_patches(const field *f, const surface *scan, const solver_params *params, level_plan *l,
-                         error *e)
+static bool plan_patches(const field *f, const surface *scan, const solver_params *params,
+                         const threads *pool, level_plan *l, error *e)
 {
     double even = packing_spacing(scan->area, (double)params->count), least = 1;
-    const quota_input in = {f, scan, params->sizing, even, params->blue_noise};
+    const quota_input in = {f, scan, params->sizing, even, params->blue_noise, pool};
     quota found[LEVEL_PLAN_MAX] = {{0}}; /* finest first */
     if (params->sizing) least = sizing_field_describe(params->sizing).least / even;
     l->quotas = mem_array(LEVEL_PLAN_MAX, sizeof *l->quotas, "the levels", e);
     if (!l->quotas || !quota_for_count(&in, params->count, &l->quotas[0], e)) return false;
     found[0] = l->quotas[0];
-    l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, e);
+    l->curves = curve_distance_new(f->patches, false, CURVE_STEP * least * found[0].spacing, pool, e);
     if (!l->curves) return false;
     double limit = MAX_SPACING_CURVATURE / typical_curvature(f, scan, params->sizing, even, params->seed);
     const bool is_given = params->start == SOLVER_START_COARSEST;
@@ -198,13 +198,13 @@ static bool plan_patches(const field *f, const surface *scan, const solver_param
     return true;
 }
 
-bool level_plan_make(const field *f, const surface *scan, const solver_params *params, level_plan *out,
-                     error *e)
+bool level_plan_make(const field *f, const surface *scan, const solver_params *params, const threads *pool,
+                     level_plan *out, error *e)
 {
     const double *weight = sizing_field_weight(params->sizing, scan);
     bool together = params->start != SOLVER_START_SURFACE || f->open;
     *out = (level_plan){.count = 1, .particles = {params->count}};
-    if (f->patches) return plan_patches(f, scan, params, out, e);
+    if (f->patches) return plan_patches(f, scan, params, pool, out, e);
     if (!params->coarse_to_fine || params->start == SOLVER_START_GIVEN) return true;
     if (params->start == SOLVER_START_COARSEST) {
         plan_from_given(params, out);

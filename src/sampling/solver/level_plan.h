@@ -37,9 +37,9 @@ typedef struct level_plan {
 /* Plans the solve of params->count particles on the scanned surface. The coarsest level resolves the
  * curvature of the surface and the gradient of the sizing field. A part with too few particles for a packing
  * of its own starts on a finer level, unless the start is random or the surface open. Deterministic in the
- * seed. Free *out also after failure. Error: limit_memory. */
-bool level_plan_make(const field *f, const surface *scan, const solver_params *params, level_plan *out,
-                     error *e);
+ * seed. Free *out also after failure. Errors: limit_memory, cancelled. */
+bool level_plan_make(const field *f, const surface *scan, const solver_params *params, const threads *pool,
+                     level_plan *out, error *e);
 void level_plan_free(level_plan *l);
 
 /* Maximum number of particles on all levels, copies on curves included. */

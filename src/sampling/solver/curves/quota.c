@@ -41,7 +41,7 @@ static bool make_samples(const quota_input *in, double spacing, size_t most, cur
 {
     const boundary_request request = {spacing, in->sizing, in->even, most};
     curve_samples_free(out);
-    return curve_samples_make(in->field, &request, out, e);
+    return threads_may_go_on(in->pool, e) && curve_samples_make(in->field, &request, out, e);
 }
 
 /* Voronoi cells of a patch that its curve samples do not cover, if the surface has `cells` cells. Negative:

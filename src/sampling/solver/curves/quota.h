@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "sampling/solver/curves/curve_samples.h"
 #include "sampling/solver/particles/particles.h"
 #include "sampling/sizing/sizing_field.h"
@@ -19,6 +20,7 @@ typedef struct quota_input {
     const sizing_field *sizing; /* NULL: uniform */
     double even;          /* spacing of a uniform packing of the requested count, see boundary_request */
     bool without_samples; /* curves have no samples, and patches get particles in proportion to their area */
+    const threads *pool; /* if it is stopped, the functions below fail with the error cancelled; NULL: none */
 } quota_input;
 
 typedef struct quota {
