@@ -104,8 +104,9 @@ export class Client<J extends Job = Job> {
      * Makes bytes readable for jobs; returns the path by which a spec names them. The service may have them already.
      * @param {Uint8Array} bytes
      * @param {string} suffix such as ".obj"
+     * @param {boolean} again sends them also if the service has them, and replaces its file if that is damaged
      */
-    upload(bytes: Uint8Array, suffix?: string): Promise<string>;
+    upload(bytes: Uint8Array, suffix?: string, again?: boolean): Promise<string>;
     /** The uploads of the caller, the newest first, with the caller's jobs that read them. */
     uploads(): AsyncGenerator<import("./api.js").Input & {
         used: string | null;

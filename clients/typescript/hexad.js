@@ -296,16 +296,17 @@ export class Client {
    * Makes bytes readable for jobs; returns the path by which a spec names them. The service may have them already.
    * @param {Uint8Array} bytes
    * @param {string} suffix such as ".obj"
+   * @param {boolean} again sends them also if the service has them, and replaces its file if that is damaged
    */
-  async upload(bytes, suffix = "") {
+  async upload(bytes, suffix = "", again = false) {
     const hasher = this.hasher();
     hasher.update(bytes);
     const sha256 = hasher.hex();
     let body = bytes;
     try {
       const {path, sent} = await this.call("getInput", {sha256});
-      if (sent !== null) return path + suffix;
-      body = new Uint8Array(); // the service has the file; it becomes an upload of the caller
+      if (sent !== null && !again) return path + suffix;
+      if (!again) body = new Uint8Array(); // the service has the file; it becomes an upload of the caller
     } catch (error) {
       if (!(error instanceof Problem && error.code === "not_found")) throw error;
     }

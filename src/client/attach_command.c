@@ -61,7 +61,7 @@ static int send_points(client *c, json_at item, char **path)
     client_reply_clear(&reply);
     if (code == COMMAND_OK) {
         rewind(file);
-        if (!client_upload(c, to, file, (int64_t)bytes, &reply, &e))
+        if (!client_upload(c, to, file, (int64_t)bytes, false, &reply, &e))
             code = print_unreachable(&e);
         else if (reply.status >= 300)
             code = print_refused(&reply);

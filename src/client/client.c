@@ -358,11 +358,11 @@ bool client_confirm(client *c, const char *path, const char *sha256, client_repl
     return ok;
 }
 
-bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e)
+bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, bool always, client_reply *reply,
+                   error *e)
 {
     buffer b = {0};
-    /* a server that already has the file answers before the file is sent */
-    struct curl_slist *headers = curl_slist_append(NULL, "Expect: 100-continue");
+    struct curl_slist *headers = curl_slist_append(NULL, always ? "Expect:" : "Expect: 100-continue");
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(c->curl, CURLOPT_UPLOAD, 1L);
     curl_easy_setopt(c->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)bytes);

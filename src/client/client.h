@@ -62,8 +62,9 @@ bool client_download(client *c, const char *path, FILE *stream, client_reply *re
  * 304. The server counts it as a download by the owner. */
 bool client_confirm(client *c, const char *path, const char *sha256, client_reply *reply, error *e);
 
-/* Uploads `bytes` bytes of a stream with PUT; the reply is as in client_call. After a failure ferror(stream)
- * is true if reading failed. */
-bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e);
+/* Uploads `bytes` bytes of a stream with PUT; the reply is as in client_call. `always`: otherwise a server that already
+ * has the file answers before the bytes are sent. After a failure ferror(stream) is true if reading failed. */
+bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, bool always, client_reply *reply,
+                   error *e);
 
 #endif

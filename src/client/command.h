@@ -141,9 +141,9 @@ int command_post_text(client *c, const char *spec, bool final, const command_opt
 /* Sets *known to whether the service has the file with this hash from this user. Fails only if there is no answer. */
 int command_knows_file(client *c, const char *hex, bool *known);
 
-/* Sends a file with this hash that the caller has opened, and its name; no bytes if it is `known`
- * (command_knows_file). On success *document is the answer, which the caller frees. */
-int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
+/* Sends a file with this hash that the caller has opened, and its name. `bytes` may be 0 if the service has the file;
+ * `always` as for client_upload. On success *document is the answer, which the caller frees. */
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool always,
                       json **document);
 
 /* Opens and hashes a regular file. Returns COMMAND_OK, or an exit code after a message; *file is then

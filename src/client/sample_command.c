@@ -77,7 +77,7 @@ static int send_input(client *c, const char *path, bool quiet, char **in_spec)
     bool known = false;
     code = command_knows_file(c, hex, &known);
     if (code == COMMAND_OK && !quiet) print_sending(path, bytes, known);
-    if (code == COMMAND_OK) code = command_send_file(c, file, path, hex, bytes, known, &document);
+    if (code == COMMAND_OK) code = command_send_file(c, file, path, hex, known ? 0 : bytes, false, &document);
     if (code == COMMAND_OK) *in_spec = mem_printf(STORE_INPUT_PREFIX "%s%s", hex, sample_spec_ending(path));
     fclose(file);
     json_free(document);

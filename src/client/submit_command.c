@@ -320,7 +320,7 @@ int command_knows_file(client *c, const char *hex, bool *known)
     return code;
 }
 
-int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool known,
+int command_send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes, bool always,
                       json **document)
 {
     error e = {0};
@@ -329,7 +329,7 @@ int command_send_file(client *c, FILE *file, const char *path, const char *hex, 
     const char *slash = strrchr(path, '/');
     char *name = client_escape(c, slash ? slash + 1 : path),
          *to = mem_printf("/v1/inputs/%s?name=%s", hex, name);
-    if (!client_upload(c, to, file, known ? 0 : (int64_t)bytes, &reply, &e)) {
+    if (!client_upload(c, to, file, (int64_t)bytes, always, &reply, &e)) {
         code = ferror(file) ? print_failure("cannot read %s", path) : print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, path);
@@ -365,6 +365,7 @@ int command_open_file(const char *path, FILE **file, char hex[STORE_HASH_SIZE], 
     return code;
 }
 
+/* Sends the bytes also if the service has the file: they replace it if it is damaged. */
 static int upload_file(client *c, const char *argument, const command_options *options)
 {
     char hex[STORE_HASH_SIZE] = "";

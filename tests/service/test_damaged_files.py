@@ -344,6 +344,35 @@ def test_an_estimate_of_a_damaged_upload_finds_it(damaged_upload):
     expect_problem(service.get(f"/v1/inputs/{SENT}"), 404, "not_found")
 
 
+def upload_by_hexadctl(service, tmp_path):
+    assert control(service, "upload", str(tmp_path / "a.obj"))[:2] == (0, f"sha256:{SENT}.obj\n")
+
+
+def upload_in_python(service, tmp_path):
+    sys.path.insert(0, str(ROOT / "clients/python"))
+    import hexad
+    client = hexad.Client(f"http://{service.address}")
+    assert client.upload(tmp_path / "a.obj") == client.upload(tmp_path / "a.obj", again=True) == f"sha256:{SENT}.obj"
+
+
+def upload_in_typescript(service, tmp_path):
+    (tmp_path / "script.mjs").write_text(f"""import {{Client}} from "{ROOT}/clients/typescript/node.js";
+import {{readFileSync}} from "fs";
+console.log(await new Client({{server: "http://{service.address}"}}).upload(readFileSync("a.obj"), ".obj", true));""")
+    done = subprocess.run(["node", "script.mjs"], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.stdout == f"sha256:{SENT}.obj\n", done
+
+
+@pytest.mark.parametrize("upload", [upload_by_hexadctl, upload_in_python,
+                                    pytest.param(upload_in_typescript, marks=pytest.mark.extended)])
+def test_clients_replace_a_damaged_file_that_is_stored(damaged_upload, tmp_path, upload):
+    service = damaged_upload()
+    (tmp_path / "a.obj").write_text(TETRAHEDRON)
+    assert service.request("PUT", f"/v1/inputs/{SENT}?name=a.obj", b"").status == 200
+    upload(service, tmp_path)
+    assert (service.state / "inputs" / f"sha256:{SENT}").read_text() == TETRAHEDRON
+
+
 def test_an_undamaged_upload_of_a_malformed_mesh_stays(new_service):
     service = new_service().start()
     broken = b"v 0 0\n"

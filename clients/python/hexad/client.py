@@ -191,19 +191,20 @@ class Client(Service):
         `owner`, `label`, and `progress=1` for progress as well."""
         return follow(self.transport, "/v1/events", filters, after, whole_job=False)
 
-    def upload(self, file: PathLike | bytes, suffix: str | None = None) -> str:
+    def upload(self, file: PathLike | bytes, suffix: str | None = None, again: bool = False) -> str:
+        """As of any Service. `again`: sends the bytes also if the service has the file, and replaces it if it is damaged."""
         if isinstance(file, bytes):
-            return self.send(hashlib.sha256(file).hexdigest(), file, None) + (suffix or "")
+            return self.send(hashlib.sha256(file).hexdigest(), file, None, again) + (suffix or "")
         path = pathlib.Path(file)
         ending = "".join(path.suffixes[-2:]) if path.suffix == ".gz" else path.suffix
-        return self.send(hash_file(path), path, path.name) + (ending if suffix is None else suffix)
+        return self.send(hash_file(path), path, path.name, again) + (ending if suffix is None else suffix)
 
-    def send(self, sha256: str, body: bytes | pathlib.Path, name: str | None) -> str:
+    def send(self, sha256: str, body: bytes | pathlib.Path, name: str | None, again: bool) -> str:
         try:
             known = self.transport.get(f"/v1/inputs/{sha256}")
-            if known["sent"] is not None and (name is None or known["name"] == name):
+            if not again and known["sent"] is not None and (name is None or known["name"] == name):
                 return str(known["path"])
-            body = b""  # the service has the file; it becomes an upload of the caller, or gets another name
+            body = body if again else b""  # the service has the file; it becomes an upload of the caller, or gets another name
         except NotFound:
             pass
         where = with_query(f"/v1/inputs/{sha256}", {"name": name})
