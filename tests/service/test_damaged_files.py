@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A byte of a result or of an upload has changed: each consumer finds it, and what helps does help."""
+import contextlib
 import hashlib
 import json
 import pathlib
 import shutil
 import subprocess
+import sqlite3
 import sys
 
 import pytest
@@ -185,6 +187,23 @@ def test_the_check_names_the_frame_that_is_damaged(new_service):
 
 
 # A worker whose result is damaged at its first attempt: its report states the hash of "x".
+def test_a_hash_that_an_earlier_build_copied_from_another_report_is_corrected(new_service, tmp_path):
+    """Between an upgrade of the package and the restart of the service, the old daemon had workers of the new build."""
+    service = new_service().start()
+    jobs = [succeed(service, name=name)["id"] for name in ("a", "b")]
+    assert service.job(jobs[1])["cached_from"] == jobs[0]
+    assert service.end() == 0
+    summaries = [result_of(service, job, "summary.json") for job in jobs]
+    first, second = (json.loads(s.read_text()) for s in summaries)
+    assert first["report_sha256"] != second["report_sha256"]
+    summaries[1].write_text(json.dumps({**second, "report_sha256": first["report_sha256"]}))
+    with contextlib.closing(sqlite3.connect(service.state / "queue.db")) as database, database:
+        database.execute("UPDATE service SET linked_reports = 1")  # as the migration does
+    service.start()
+    status, _, errors = control(service, "fetch", jobs[1], "--output", str(tmp_path / "fetched"))
+    assert status == 0, errors
+
+
 DAMAGES = """#!/bin/sh
 cat > /dev/null
 cd "$4"

@@ -473,6 +473,8 @@ static void test_reused_results_of_version_17_are_shown_to_the_owner_of_both_job
     }
     assert_true(queue_delete(p->q, gone, &found, &deleted, NULL) && deleted);
     alter_database(p, BEFORE_18 "PRAGMA user_version = 17;");
+    bool linked = false; /* the hashes of reports are examined */
+    assert_true(queue_has_linked_reports(p->q, &linked, NULL) && linked);
     for (int i = 0; i < 4; i++) {
         queue_job job = get(p, later[i]);
         assert_int_equal(job.cached_from != NULL, i < 3);

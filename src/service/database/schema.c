@@ -447,6 +447,8 @@ static const char add_pieces[] =
     "  (SELECT coalesce(sum(ready + delayed + running), 0) FROM job WHERE job.owner = owner.name);"
     "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes;" STATE_COUNT_CHANGES ENDED;
 static const char add_uncopied[] = UNCOPIED REMOVAL_OF_TASK;
+/* Migration from version 11, see add_reports, and from versions whose builds copied the hash of a report with its
+ * summary to other reports. */
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
 /* Migration from builds before 1.0.0. The cache keys of some have no commit, so no result of them is reused.
@@ -473,7 +475,7 @@ static const struct step {
     {11, 17, add_cached_shown},
     {11, 19, add_files},
     {11, 18, forget_results},
-    {11, 11, find_linked_reports},
+    {11, 20, find_linked_reports},
     {11, 11, find_copies},
     {11, 20, add_uncopied},
 };

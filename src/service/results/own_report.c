@@ -126,11 +126,25 @@ bool own_report_correct(const char *directory, const char *spec, error *e)
     return ok;
 }
 
+/* An earlier build that had workers of this one copied their summaries with the hashes of other reports. */
+static bool correct_hash(const char *directory, const char *spec, error *e)
+{
+    result r = {0};
+    char hex[STORE_HASH_SIZE];
+    int64_t bytes;
+    bool ok =
+        result_read(directory, &r, e) &&
+        (!*r.report_sha256 || (result_hash_file(directory, WORKER_REPORT_NAME, hex, &bytes, e) &&
+                               (strcmp(hex, r.report_sha256) == 0 || replace_report(directory, spec, e))));
+    result_clear(&r);
+    return ok;
+}
+
 static bool correct_one(const char *work_dir, const queue_reused *job, error *e)
 {
     error why = {0};
     char *directory = result_directory(work_dir, job->id, QUEUE_NO_FRAME);
-    bool ok = own_report_correct(directory, job->spec, &why);
+    bool ok = own_report_correct(directory, job->spec, &why) && correct_hash(directory, job->spec, &why);
     free(directory);
     if (ok) return true;
     if (why.code != ERROR_INPUT_DAMAGED) {
