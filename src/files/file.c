@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
@@ -13,6 +14,7 @@
 
 #include <nettle/sha2.h>
 
+#include "base/core/clock.h"
 #include "base/core/denial.h"
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
@@ -290,15 +292,19 @@ static uint64_t first_difference(hashed_stream *written, uint64_t at, unsigned c
 
 /* Reads a file: hashes it if `hex` is not NULL, and compares it if `written` is not NULL. *differs is as of
  * first_difference. False: it cannot be read. */
-static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes, uint64_t *differs, error *e)
+static bool read_file(int fd, hashed_stream *written, const store_deadline *end, char *hex, uint64_t *bytes,
+                      uint64_t *differs, error *e)
 {
     struct sha256_ctx context;
     unsigned char *block = mem_resize(NULL, READ_BYTES); /* a small file touches few of its pages */
     uint64_t total = 0;
     int64_t got;
+    bool late = false;
     *differs = UINT64_MAX;
     sha256_init(&context);
     do {
+        late = end && clock_monotonic_ms() >= atomic_load(end);
+        if (late) break;
         got = transfer_read_at(fd, block, READ_BYTES, total);
         if (got <= 0) break;
         if (hex) sha256_update(&context, (size_t)got, block);
@@ -308,6 +314,7 @@ static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes
     } while (got == READ_BYTES);
     const int why = errno;
     free(block);
+    if (late) return error_set(e, ERROR_LIMIT_TIME, "there was no time to read a file for its hash");
     if (got < 0)
         return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s",
                          strerror(why));
@@ -316,10 +323,16 @@ static bool read_file(int fd, hashed_stream *written, char *hex, uint64_t *bytes
     return true;
 }
 
-bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
+bool store_file_hash_until(int fd, const store_deadline *end, char hex[STORE_HASH_SIZE], uint64_t *bytes,
+                           error *e)
 {
     uint64_t unused;
-    return read_file(fd, NULL, hex, bytes, &unused, e);
+    return read_file(fd, NULL, end, hex, bytes, &unused, e);
+}
+
+bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
+{
+    return store_file_hash_until(fd, NULL, hex, bytes, e);
 }
 
 bool store_set_damaged(const char *name, error *e)
@@ -337,7 +350,7 @@ static bool verify(const store_file *file, char *hex, uint64_t *bytes, error *e)
     uint64_t differs;
     /* Advice only: file systems in memory keep the pages. */
     posix_fadvise(descriptor_of(file), 0, 0, POSIX_FADV_DONTNEED);
-    if (!read_file(descriptor_of(file), file->hashes, hex, bytes, &differs, e))
+    if (!read_file(descriptor_of(file), file->hashes, NULL, hex, bytes, &differs, e))
         return error_prefix(e, "%s", file->path);
     if (differs == UINT64_MAX && *bytes == length) return true;
     if (differs == UINT64_MAX) differs = length < *bytes ? length : *bytes;

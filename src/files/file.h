@@ -78,6 +78,11 @@ bool store_file_place_verified(store_file *file, store_facts *out, error *e);
  * beginning and does not move the offset of `fd`. *bytes is the number of bytes read. */
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
+/* A time at which reading ends early, of clock_monotonic_ms. Another thread may change it. */
+typedef _Atomic int64_t store_deadline;
+/* As store_file_hash, until the deadline (NULL: none): then the error limit_time. */
+bool store_file_hash_until(int fd, const store_deadline *end, char hex[STORE_HASH_SIZE], uint64_t *bytes,
+                           error *e);
 /* Ends a hash that was computed in pieces. */
 struct sha256_ctx;
 void store_print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE]);

@@ -3,10 +3,11 @@
 import contextlib
 import hashlib
 import json
+import os
 import pathlib
 import shutil
-import subprocess
 import sqlite3
+import subprocess
 import sys
 
 import pytest
@@ -186,7 +187,6 @@ def test_the_check_names_the_frame_that_is_damaged(new_service):
     assert done.returncode == 1 and done.stdout.startswith(f"result of {job}.2: {damaged()}"), done
 
 
-# A worker whose result is damaged at its first attempt: its report states the hash of "x".
 def test_a_hash_that_an_earlier_build_copied_from_another_report_is_corrected(new_service, tmp_path):
     """Between an upgrade of the package and the restart of the service, the old daemon had workers of the new build."""
     service = new_service().start()
@@ -204,6 +204,7 @@ def test_a_hash_that_an_earlier_build_copied_from_another_report_is_corrected(ne
     assert status == 0, errors
 
 
+# A worker whose result is damaged at its first attempt: its report states the hash of "x".
 DAMAGES = """#!/bin/sh
 cat > /dev/null
 cd "$4"
@@ -343,26 +344,6 @@ def test_sending_an_upload_again_replaces_a_damaged_file(damaged_upload):
     service.wait_state(service.submit(reading()), "succeeded")
 
 
-def test_a_stored_upload_needs_no_room_to_be_sent_again(new_service):
-    """Where no second copy fits, the received bytes are ignored."""
-    service = new_service("--user_upload_bytes", len(TETRAHEDRON), "--upload_total_bytes", len(TETRAHEDRON)).start()
-    assert put(service).status == 201
-    assert put(service).status == 200
-    pieces = f"PUT /v1/inputs/{SENT} HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\nConnection: close\r\n\r\n" \
-             f"{len(TETRAHEDRON):x}\r\n{TETRAHEDRON}\r\n0\r\n\r\n"
-    assert exchange(service, pieces.encode()).startswith(b"HTTP/1.1 200 ")
-    assert service.request("DELETE", f"/v1/inputs/{SENT}").status == 204
-    assert put(service).status == 201  # nothing was counted twice
-
-
-def test_an_estimate_of_a_damaged_upload_finds_it(damaged_upload):
-    service = damaged_upload()
-    refused = service.post("/v1/jobs:validate", reading())
-    problem = expect_problem(refused, 422, "input_damaged")
-    assert "Send the file again" in problem["detail"]
-    expect_problem(service.get(f"/v1/inputs/{SENT}"), 404, "not_found")
-
-
 def upload_by_hexadctl(service, tmp_path):
     assert control(service, "upload", str(tmp_path / "a.obj"))[:2] == (0, f"sha256:{SENT}.obj\n")
 
@@ -390,6 +371,84 @@ def test_clients_replace_a_damaged_file_that_is_stored(damaged_upload, tmp_path,
     assert service.request("PUT", f"/v1/inputs/{SENT}?name=a.obj", b"").status == 200
     upload(service, tmp_path)
     assert (service.state / "inputs" / f"sha256:{SENT}").read_text() == TETRAHEDRON
+
+
+def test_a_stored_upload_needs_no_room_to_be_sent_again(new_service):
+    """Where no second copy fits, the received bytes are ignored."""
+    service = new_service("--user_upload_bytes", len(TETRAHEDRON), "--upload_total_bytes", len(TETRAHEDRON)).start()
+    assert put(service).status == 201
+    assert put(service).status == 200
+    pieces = f"PUT /v1/inputs/{SENT} HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\nConnection: close\r\n\r\n" \
+             f"{len(TETRAHEDRON):x}\r\n{TETRAHEDRON}\r\n0\r\n\r\n"
+    assert exchange(service, pieces.encode()).startswith(b"HTTP/1.1 200 ")
+    assert service.request("DELETE", f"/v1/inputs/{SENT}").status == 204
+    assert put(service).status == 201  # nothing was counted twice
+
+
+def test_an_estimate_of_a_damaged_upload_finds_it(damaged_upload):
+    service = damaged_upload()
+    refused = service.post("/v1/jobs:validate", reading())
+    problem = expect_problem(refused, 422, "input_damaged")
+    assert "Send the file again" in problem["detail"]
+    expect_problem(service.get(f"/v1/inputs/{SENT}"), 404, "not_found")
+
+
+# ---- files that take many minutes to compare: sparse ones of a terabyte
+
+ENDLESS_BYTES = 2**40
+SMALL = """#!/bin/sh
+cat > /dev/null
+cd "$4"
+echo -n x > points.ply
+echo '{"outcome":"converged","count":7,"inputs":[],"outputs":[{"name":"points.ply","bytes":1,"sha256":"%s"}]}' > report.json
+""" % hashlib.sha256(b"x").hexdigest()
+REFUSES = """#!/bin/sh
+cat > /dev/null
+echo '{"code":"input_damaged","message":"damaged"}' >&2
+touch "$0.ends"
+exit 3
+"""
+
+
+@pytest.fixture
+def with_worker(new_service, tmp_path):
+    def make(script, *options):
+        worker = tmp_path / "worker"
+        worker.write_text(script)
+        worker.chmod(0o700)
+        return new_service("--worker", worker, *options).start()
+    return make
+
+
+def test_a_stop_does_not_wait_until_a_result_is_compared(with_worker):
+    """The equal job is queued again, and no worker is started for it."""
+    service = with_worker(SMALL, "--drain_s", 0.1)
+    first = succeed(service)["id"]
+    report = result_of(service, first, "report.json")
+    report.write_text(report.read_text().replace('"bytes":1,', f'"bytes":{ENDLESS_BYTES},'))
+    os.truncate(result_of(service, first), ENDLESS_BYTES)
+    again = service.submit(sphere())
+    service.wait_state(again, "running")
+    assert service.end() == 0
+    assert log_has(service, "attempt ended", again, "not started: the daemon is being stopped", "state=queued")
+    assert not log_has(service, "attempt started", again)
+
+
+def test_a_stop_does_not_wait_until_uploads_are_compared(with_worker, tmp_path):
+    service = with_worker(REFUSES, "--drain_s", 2)
+    assert put(service).status == 201
+    os.truncate(service.state / "inputs" / f"sha256:{SENT}", ENDLESS_BYTES)
+    job = service.submit(reading())
+    wait_until((tmp_path / "worker.ends").exists, "the end of the worker")
+    assert service.end() == 0
+    assert log_has(service, "attempt ended", job, "state=failed", "code=input_damaged")
+
+
+def test_an_estimate_ends_in_time_although_an_upload_is_large(with_worker):
+    service = with_worker(REFUSES)
+    assert put(service).status == 201
+    os.truncate(service.state / "inputs" / f"sha256:{SENT}", ENDLESS_BYTES)
+    expect_problem(service.post("/v1/jobs:validate?within_ms=1000", reading()), 422, "input_damaged")
 
 
 def test_an_undamaged_upload_of_a_malformed_mesh_stays(new_service):

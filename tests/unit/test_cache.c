@@ -176,7 +176,8 @@ static void test_a_hit_shares_all_files_but_the_report(void **state)
     place *p = *state;
     error e = {0};
     result r = {0};
-    if (!cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", &r, &e)) fail_msg("%s", e.message);
+    if (!cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", NULL, &r, &e))
+        fail_msg("%s", e.message);
     assert_int_equal(r.outcome, QUEUE_CONVERGED);
     assert_int_equal(r.output_count, 1);
     result_clear(&r);
@@ -188,7 +189,7 @@ static void test_a_hit_shares_all_files_but_the_report(void **state)
     assert_true(store_remove(p->result, NULL)); /* each job has its own links */
     assert_true(result_read(p->target, &r, NULL));
     result_clear(&r);
-    assert_false(cache_link_result(p->result, p->base, "{}", &r, &e));
+    assert_false(cache_link_result(p->result, p->base, "{}", NULL, &r, &e));
     free(there);
     free(here);
 }
@@ -200,7 +201,7 @@ static void test_a_damaged_result_is_not_linked(void **state)
     result r = {0};
     char *points = mem_printf("%s/points.ply", p->result);
     put(points, "y");
-    assert_false(cache_link_result(p->result, p->target, "{}", &r, &e));
+    assert_false(cache_link_result(p->result, p->target, "{}", NULL, &r, &e));
     assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
     assert_non_null(strstr(e.message, "points.ply is damaged"));
     assert_int_equal(access(p->target, F_OK), -1);
@@ -238,7 +239,7 @@ static void test_a_long_report_is_not_in_memory_as_a_whole(void **state)
     long before = peak_kb();
     char *inputs = cache_describe_inputs(p->roots, p->result, INT64_C(1) << 42);
     assert_non_null(inputs);
-    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", &r, NULL));
+    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking\"}", NULL, &r, NULL));
     assert_true(peak_kb() - before < 32768);
     char *path = mem_printf("%s/report.json", p->target), *spec = spec_in(p->target);
     size_t length = 0;
@@ -265,7 +266,7 @@ static void test_the_report_of_a_hit_has_its_summary(void **state)
     char *text = mem_printf("{\"outcome\":\"unresolved\",\"count\":8,\"outputs\":[],\"report_bytes\":%lld}",
                             (long long)info.st_size);
     put(summary, text);
-    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking for more\"}", &r, NULL));
+    assert_true(cache_link_result(p->result, p->target, "{\"name\":\"asking for more\"}", NULL, &r, NULL));
     result_clear(&r);
     assert_true(result_read(p->target, &r, NULL));
     assert_int_equal(r.count, 8); /* from the summary */

@@ -175,11 +175,12 @@ static bool link_file(const char *from, const char *to, const char *name, error 
     return ok;
 }
 
-bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e)
+bool cache_link_result(const char *from, const char *to, const char *spec, const store_deadline *end,
+                       result *r, error *e)
 {
     json *document = result_read_short(from, r, e);
     if (!document) return false;
-    bool ok = result_compare(from, r, e) && store_directory_add(to, e);
+    bool ok = result_compare(from, r, end, e) && store_directory_add(to, e);
     for (size_t i = 0; ok && i < r->output_count; i++) ok = link_file(from, to, r->output[i].name, e);
     ok = ok && own_report_copy(from, to, spec, r, document, e); /* which flushes the directory, too */
     json_free(document);

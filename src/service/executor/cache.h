@@ -36,7 +36,9 @@ bool cache_is_fresh(const store_roots *roots, const char *inputs);
 
 /* Compares the files of the result in `from` with their hashes. Then creates the directory `to` with hard links
  * to them, and with its own report, which has this spec. *r describes the result; the caller clears it. Reads
- * all files: for a thread of its own. Errors: those of result_read, result_compare and own_report_copy. */
-bool cache_link_result(const char *from, const char *to, const char *spec, result *r, error *e);
+ * all files, until the deadline: for a thread of its own. Errors: those of result_read, result_compare and
+ * own_report_copy. */
+bool cache_link_result(const char *from, const char *to, const char *spec, const store_deadline *end,
+                       result *r, error *e);
 
 #endif

@@ -2,6 +2,7 @@
 #include "service/executor/estimator.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -174,10 +175,12 @@ estimator_outcome estimator_run(estimator *m, const char *command, const char *s
             .file_mb = settings->file_mb,
             .sandbox = settings->sandbox,
         };
+        const double timeout_s = within_s > 0 ? fmin(within_s, m->timeout_s) : m->timeout_s;
+        const store_deadline end = clock_monotonic_ms() + (int64_t)(timeout_s * 1000);
         outcome = ask(m, &request, within_s, document, e);
         for (size_t i = 0; outcome == ESTIMATOR_FAULT && e->code == ERROR_INPUT_DAMAGED && i < input_count;
              i++)
-            store_inputs_discard_damaged(settings->inputs, inputs[i]);
+            store_inputs_discard_damaged(settings->inputs, inputs[i], &end);
         mem_free_texts(roots, root_count);
         free(directory);
     } else {

@@ -3,6 +3,7 @@
 
 #include <assert.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -55,6 +56,7 @@ typedef struct work {
     int64_t ran_ms;           /* once it has ended */
     publication *publication; /* in PUBLISHING */
     background_call *call;    /* in REUSING and CHECKING; it owns `reused` meanwhile */
+    store_deadline call_end;  /* a drain sets it */
     struct {
         char *from; /* directory of the result of the equal job */
         bool ok;
@@ -200,13 +202,22 @@ static bool is_cacheable(const slot *s)
     return s->context->cache && c->task.frame == QUEUE_NO_FRAME && c->cache_key;
 }
 
+/* Starts a call in a thread of its own. */
+static void start_call(slot *s, void (*run)(void *context), slot_phase phase)
+{
+    atomic_store(&s->w.call_end, INT64_MAX);
+    s->w.call = background_call_start(run, s, s->context->wake_fd);
+    enter(s, phase);
+}
+
 /* In a thread of its own. */
 static void reuse(void *context)
 {
     slot *s = context;
     work *w = &s->w;
     result r = {0};
-    w->reused.ok = cache_link_result(w->reused.from, w->directory, w->claimed.job.spec, &r, &w->reused.fault);
+    w->reused.ok = cache_link_result(w->reused.from, w->directory, w->claimed.job.spec, &w->call_end, &r,
+                                     &w->reused.fault);
     w->reused.outcome = r.outcome;
     result_clear(&r);
 }
@@ -224,8 +235,7 @@ static bool begin_reuse(slot *s)
     free(inputs);
     if (found) {
         w->reused.from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
-        w->call = background_call_start(reuse, s, x->wake_fd);
-        enter(s, SLOT_REUSING);
+        start_call(s, reuse, SLOT_REUSING);
     } else {
         x->place->meter->cache_misses++;
     }
@@ -320,6 +330,16 @@ static bool decide_at_once(slot *s)
     return true;
 }
 
+/* Queues the task again, since its worker is not started. */
+static unsigned put_back(slot *s, const char *why)
+{
+    error e = {0};
+    error_set(&e, ERROR_INTERNAL, "%s", why);
+    settlement_decide_unstarted(&e, &s->w.settlement);
+    enter(s, SLOT_SETTLING);
+    return SLOT_NO_NEWS;
+}
+
 /* The next phase is RUNNING, or SETTLING with a decision. */
 static unsigned begin_attempt(slot *s)
 {
@@ -328,12 +348,7 @@ static unsigned begin_attempt(slot *s)
     const queue_job *job = &w->claimed.job;
     const queue_task *task = &w->claimed.task;
     error e = {0};
-    if (w->repeat) {
-        error_set(&e, ERROR_INTERNAL, "the result of an equal job was deleted or is damaged");
-        settlement_decide_unstarted(&e, &w->settlement);
-        enter(s, SLOT_SETTLING);
-        return SLOT_NO_NEWS;
-    }
+    if (w->repeat) return put_back(s, "the result of an equal job was deleted or is damaged");
     if (!start_worker(s, &e)) {
         log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
                   task->attempt, e.message);
@@ -363,6 +378,7 @@ static unsigned step_starting(slot *s)
 static bool take_call(slot *s)
 {
     work *w = &s->w;
+    if (s->context->draining) atomic_store(&w->call_end, s->context->drain_ms);
     if (!background_call_has_ended(w->call)) return false;
     background_call_end(w->call);
     w->call = NULL;
@@ -384,7 +400,7 @@ static unsigned step_reusing(slot *s)
     log_write(LOG_LEVEL_WARNING, "cannot use a cached result job=%s from=%s: %s", w->claimed.job.id,
               w->cached_from, w->reused.fault.message);
     store_remove(w->directory, NULL);
-    return begin_attempt(s);
+    return s->context->draining ? put_back(s, "the daemon is being stopped") : begin_attempt(s);
 }
 
 /* ---- running and stopping */
@@ -531,7 +547,8 @@ static void check_uploads(void *context)
     size_t count = 0;
     char own[STORE_INPUT_NAME_SIZE];
     const char **names = list_inputs(&s->w.claimed, own, &count);
-    for (size_t i = 0; i < count; i++) store_inputs_discard_damaged(s->context->inputs, names[i]);
+    for (size_t i = 0; i < count; i++)
+        store_inputs_discard_damaged(s->context->inputs, names[i], &s->w.call_end);
     free(names);
 }
 
@@ -550,12 +567,10 @@ static unsigned step_deciding(slot *s)
     if (w->settlement.decision == SETTLEMENT_UNDECIDED) return try_later(s, w->settlement.message);
     if (w->was_lost) settlement_excuse_loss(&w->settlement);
     describe_for_cache(s);
-    if (w->settlement.code == ERROR_INPUT_DAMAGED && s->context->inputs) {
-        w->call = background_call_start(check_uploads, s, s->context->wake_fd);
-        enter(s, SLOT_CHECKING);
-    } else {
+    if (w->settlement.code == ERROR_INPUT_DAMAGED && s->context->inputs)
+        start_call(s, check_uploads, SLOT_CHECKING);
+    else
         publish_or_settle(s);
-    }
     return SLOT_NO_NEWS;
 }
 

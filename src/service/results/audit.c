@@ -46,7 +46,7 @@ static void show_progress(audit *a, bool is_last)
 static bool compare(audit *a, const char *directory, const result *r, error *e)
 {
     for (size_t i = 0; i < r->output_count; i++) a->read_bytes += r->output[i].bytes;
-    return result_compare(directory, r, e);
+    return result_compare(directory, r, NULL, e);
 }
 
 static bool look_at_task(audit *a, const char *id, const queue_task *task, error *e)

@@ -300,19 +300,25 @@ bool result_hash_file(const char *directory, const char *name, char hex[STORE_HA
     return ok;
 }
 
-static bool compare_file(const char *directory, const char *name, const char *sha256, error *e)
+static bool compare_file(const char *directory, const char *name, const char *sha256,
+                         const store_deadline *end, error *e)
 {
     char hex[STORE_HASH_SIZE];
     int64_t bytes;
-    return result_hash_file(directory, name, hex, &bytes, e) &&
-           (strcmp(hex, sha256) == 0 || store_set_damaged(name, e));
+    uint64_t hashed;
+    int fd = result_open_file(directory, name, &bytes, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash_until(fd, end, hex, &hashed, e) &&
+              (strcmp(hex, sha256) == 0 || store_set_damaged(name, e));
+    close(fd);
+    return ok;
 }
 
-bool result_compare(const char *directory, const result *r, error *e)
+bool result_compare(const char *directory, const result *r, const store_deadline *end, error *e)
 {
     for (size_t i = 0; i < r->output_count; i++)
-        if (!compare_file(directory, r->output[i].name, r->output[i].sha256, e)) return false;
-    return !*r->report_sha256 || compare_file(directory, WORKER_REPORT_NAME, r->report_sha256, e);
+        if (!compare_file(directory, r->output[i].name, r->output[i].sha256, end, e)) return false;
+    return !*r->report_sha256 || compare_file(directory, WORKER_REPORT_NAME, r->report_sha256, end, e);
 }
 
 /* Bytes of results that any working disk reads in a second. */
@@ -323,7 +329,7 @@ bool result_compare_at_start(const char *directory, const result *r, error *e)
     double bytes = 0;
     for (size_t i = 0; i < r->output_count; i++) bytes += (double)r->output[i].bytes;
     manager_report_starting(60 + bytes / SLOW_BYTES);
-    return result_compare(directory, r, e);
+    return result_compare(directory, r, NULL, e);
 }
 
 /* Adds report.json to the outputs, with its length and the hash that the worker computed, or that of its

@@ -45,8 +45,8 @@ bool result_read(const char *directory, result *r, error *e);
 
 /* Compares the bytes of each file of a result that was read, also of report.json if its hash is known, with
  * the hash that was stored when the result was made. Reads all files: for threads that no other user waits
- * for. Errors: input_damaged names the file that differs or is missing; those of store_file_hash; internal. */
-bool result_compare(const char *directory, const result *r, error *e);
+ * for. Errors: input_damaged names the file that differs or is missing; those of store_file_hash_until; internal. */
+bool result_compare(const char *directory, const result *r, const store_deadline *end, error *e);
 
 /* As result_compare, before the service is ready: has the service manager wait for it. */
 bool result_compare_at_start(const char *directory, const result *r, error *e);

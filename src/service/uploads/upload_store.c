@@ -14,7 +14,6 @@
 
 #include "base/core/log.h"
 #include "base/core/memory.h"
-#include "files/file.h"
 
 #define SENDER_PREFIX "sender:"
 #define FILE_NAME_PREFIX "name:"
@@ -473,7 +472,7 @@ bool store_inputs_compare(const char *directory, store_inputs_look *look, void *
     return ok;
 }
 
-void store_inputs_discard_damaged(store_inputs *s, const char *name)
+void store_inputs_discard_damaged(store_inputs *s, const char *name, const store_deadline *end)
 {
     struct stat read, now;
     char found[STORE_HASH_SIZE];
@@ -482,7 +481,8 @@ void store_inputs_discard_damaged(store_inputs *s, const char *name)
     char *path = path_of(s, hex);
     int fd = open(path, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     /* a file that cannot be read may be readable again soon */
-    const bool differs = fd >= 0 && store_file_hash(fd, found, &bytes, NULL) && strcmp(found, hex) != 0;
+    const bool differs =
+        fd >= 0 && store_file_hash_until(fd, end, found, &bytes, NULL) && strcmp(found, hex) != 0;
     pthread_mutex_lock(&s->mutex);
     /* a file that was sent again in the meantime is another one */
     bool gone = differs && fstat(fd, &read) == 0 && lstat(path, &now) == 0 && now.st_ino == read.st_ino &&

@@ -17,6 +17,7 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "files/file.h"
 #include "files/sent_file.h"
 #include "service/ledger/ledger.h"
 
@@ -53,8 +54,8 @@ bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *
 bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e);
 
 /* Removes the file "sha256:HEX" if its bytes have another hash: any user may then send it again. No user holds it
- * any more; the names that users gave it stay for messages. Reads the whole file. */
-void store_inputs_discard_damaged(store_inputs *s, const char *name);
+ * any more; the names that users gave it stay for messages. Reads the whole file, until the deadline. */
+void store_inputs_discard_damaged(store_inputs *s, const char *name, const store_deadline *end);
 
 /* Compares each stored file of the directory with its hash, and calls `look` for it. why->code: none;
  * input_damaged: its bytes have another hash; otherwise it cannot be read. The directory may be missing. */
