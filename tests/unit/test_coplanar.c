@@ -282,6 +282,23 @@ static void overlaps_on_the_sides_of_a_prism_are_found(void **state)
     }
 }
 
+/* Each triangle of a ball is a plane of its own; one has a small parallelogram on it. */
+static void an_overlap_among_very_many_planes_is_found(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 6), small = rectangle(1, 0, 0, 1, 1, 0);
+    assert_true(m.triangle_count > 1 << 16);
+    const uint32_t *corner = m.triangle[m.triangle_count / 3];
+    const vec3 a = m.vertex[corner[0]], u = vec3_scale(vec3_sub(m.vertex[corner[1]], a), 0.1),
+               v = vec3_scale(vec3_sub(m.vertex[corner[2]], a), 0.1);
+    for (size_t k = 0; k < 4; k++)
+        small.vertex[k] = vec3_add(vec3_axpy((double)(k % 2 + 2), u, a), vec3_scale(v, (double)(k / 2 + 2)));
+    mesh_fixture_append(&m, small);
+    const coplanar_overlap out = cut(&m);
+    assert_near(1e5 * out.same, 1e5 * vec3_norm(vec3_cross(u, v)));
+    mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -291,6 +308,7 @@ int main(void)
         cmocka_unit_test(reversed_faces_of_a_duplicated_box_leave_no_hole),
         cmocka_unit_test(other_faces_are_unchanged),
         cmocka_unit_test(overlaps_on_the_sides_of_a_prism_are_found),
+        cmocka_unit_test(an_overlap_among_very_many_planes_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

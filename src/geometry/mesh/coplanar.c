@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "geometry/mesh/coplanar.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -96,6 +97,41 @@ static bool is_one_plane(const cutting *c, const vec3 a[3], const vec3 b[3])
     return (first ? of_a : of_b).height > reach && lies_in(first ? &of_a : &of_b, first ? b : a, reach);
 }
 
+/* ---- sorting of all parts */
+
+/* Items that qsort sorts at once, in less than 0.1 s. */
+enum { SORTED_AT_ONCE = 1 << 16 };
+/* A part of the items that is smaller than this fraction does not make the rest easier to sort. */
+enum { LEAST_SHARE = 32 };
+
+static void swap_items(char *a, char *b, size_t size)
+{
+    char kept[sizeof(part)];
+    assert(size <= sizeof kept);
+    memcpy(kept, a, size);
+    memcpy(a, b, size);
+    memcpy(b, kept, size);
+}
+
+/* qsort for a total order. If the pool is stopped, it ends soon, and the items have any order. */
+static void sort(char *items, size_t count, size_t size, int (*compare)(const void *, const void *),
+                 const threads *pool)
+{
+    while (count > SORTED_AT_ONCE && !threads_stopped(pool)) {
+        size_t below = 0; /* items less than the first one: the last of them is at items + below * size */
+        swap_items(items, items + count / 2 * size, size);
+        for (size_t k = 1; k < count; k++)
+            if (compare(items + k * size, items) < 0 && ++below < k)
+                swap_items(items + below * size, items + k * size, size);
+        swap_items(items, items + below * size, size);
+        if (below < count / LEAST_SHARE || below > count - count / LEAST_SHARE) break;
+        sort(items, below, size, compare, pool);
+        items += (below + 1) * size;
+        count -= below + 1;
+    }
+    if (!threads_stopped(pool)) qsort(items, count, size, compare);
+}
+
 /* ---- parts of planes */
 
 /* Whether the opposite corners of the two triangles at an edge from v lie on the same side of the edge. */
@@ -185,7 +221,7 @@ static bool list_parts(cutting *c, error *e)
             c->by_part[p->first + p->count++] = t;
             widen(c, scale, t, p);
         }
-        if (!threads_stopped(c->pool)) qsort(c->parts, c->part_count, sizeof *c->parts, by_low);
+        sort((char *)c->parts, c->part_count, sizeof *c->parts, by_low, c->pool);
     }
     free(number);
     return ok && threads_may_go_on(c->pool, e);
@@ -315,7 +351,7 @@ static void list_intervals(const cutting *c, int direction, interval *list)
         const part *p = &c->parts[k];
         list[k] = (interval){p->low[direction], p->high[direction], 0, (uint32_t)k};
     }
-    qsort(list, c->part_count, sizeof *list, by_low_end);
+    sort((char *)list, c->part_count, sizeof *list, by_low_end, c->pool);
 }
 
 /* Number of pairs of overlapping intervals. */
