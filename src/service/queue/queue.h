@@ -380,9 +380,9 @@ typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_e
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
                   error *e);
 
-/* Deletes an ended job, and records its directories for removal (see queue_removal). *deleted is false if the
- * job has not ended. On an error *deleted may be true: the job is hidden, and queue_delete_hidden deletes the
- * rest. */
+/* Deletes an ended job, and records its directories for removal (see queue_removal), after the changes of many
+ * tasks of the job and of jobs that wait for its frames. *deleted is false if the job has not ended. On an error
+ * *deleted may be true: the job is hidden, and queue_delete_hidden deletes the rest. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
 /* Deletes the rest of one job that was deleted or stored in part. *more: there was one. */
