@@ -407,7 +407,10 @@ static bool store(submitting *s, error *e)
     if (!run(s, begin, NULL, e)) return false;
     bool ok = true;
     while (ok && !s->refused && s->next < s->items) ok = run(s, go_on, s->owner, e);
-    if (ok && !s->refused && !s->published) ok = s->published = run(s, complete, NULL, e) && s->published;
+    if (ok && !s->refused && !s->published) {
+        ok = run(s, complete, NULL, e);
+        s->published = s->published && ok;
+    }
     if (!s->published && s->job.seq && run(s, abandon, NULL, NULL))
         while (more && queue_delete_hidden(s->q, &more, NULL)) continue;
     return ok;
