@@ -1255,7 +1255,7 @@ int main(int argc, char **argv)
     umask(0077); /* jobs and results are private to the service */
     switch (action) {
     case CONFIG_HELP:
-        config_print_help(stdout);
+        config_print_help(stdout, s.settings.help_all);
         break;
     case CONFIG_VERSION:
         puts(PACKAGE_STRING);

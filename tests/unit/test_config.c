@@ -199,21 +199,43 @@ static void test_actions(void **state)
     (void)state;
     config c = {0};
     config_action action;
-    char *argv[] = {"hexad", "--help"};
-    assert_true(config_parse(COUNT(argv), argv, &c, &action, NULL));
-    assert_int_equal(action, CONFIG_HELP);
-    config_clear(&c);
-    char *text = NULL;
-    size_t size;
-    FILE *stream = open_memstream(&text, &size);
-    config_print_help(stream);
-    fclose(stream);
-    for (size_t i = 0; i < config_table_size; i++) {
-        char option[64];
-        snprintf(option, sizeof option, "--%s\n", config_table[i].key);
-        assert_non_null(strstr(text, option));
+    char *argv[] = {"hexad", "--help", "all"};
+    for (int all = 0; all <= 1; all++) {
+        assert_true(config_parse(2 + all, argv, &c, &action, NULL));
+        assert_int_equal(action, CONFIG_HELP);
+        assert_int_equal(c.help_all, all);
+        config_clear(&c);
     }
-    free(text);
+    char *all[] = {"hexad", "all"};
+    expect_fault(COUNT(all), all, "unexpected argument all");
+}
+
+static void test_each_setting_has_a_rank_and_basic_ones_are_first_in_the_help(void **state)
+{
+    (void)state;
+    char *text[2] = {NULL};
+    size_t size, basic = 0;
+    for (int all = 0; all <= 1; all++) {
+        FILE *stream = open_memstream(&text[all], &size);
+        config_print_help(stream, all);
+        fclose(stream);
+    }
+    const char *further = strstr(text[true], "\nFurther settings\n");
+    assert_non_null(further);
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        const bool is_basic = row->rank == OPTION_BASIC;
+        char *brief = mem_printf("\n  --%s ", row->key), *whole = mem_printf("\n  --%s\n", row->key);
+        const char *at = strstr(text[true], whole);
+        assert_in_range(row->rank, OPTION_BASIC, OPTION_RESEARCH);
+        assert_int_equal(strstr(text[false], brief) != NULL, is_basic);
+        if (!at || (at < further) != is_basic) fail_msg("%s: %s", row->key, at ? "misplaced" : "missing");
+        basic += is_basic;
+        free(brief);
+        free(whole);
+    }
+    assert_in_range(basic, 15, 25);
+    for (int all = 0; all <= 1; all++) free(text[all]);
 }
 
 /* etc/hexad.conf equals the table, and gives the defaults if every key is enabled. */
@@ -256,6 +278,7 @@ int main(void)
         cmocka_unit_test(test_faults_of_the_file_name_the_line),
         cmocka_unit_test(test_faults_of_the_command_line),
         cmocka_unit_test(test_actions),
+        cmocka_unit_test(test_each_setting_has_a_rank_and_basic_ones_are_first_in_the_help),
         cmocka_unit_test(test_the_sample_file_equals_the_table),
     };
     return cmocka_run_group_tests_name("config", tests, set_up, tear_down);

@@ -11,6 +11,7 @@
 #include <ini.h>
 
 #include "base/core/denial.h"
+#include "base/core/help_text.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
 #include "service/config/config_table.h"
@@ -229,54 +230,81 @@ static bool read_file(config *c, const char *path, error *e)
     return !mine.code;
 }
 
-/* Options that are actions. Those that expect a value store it in the configuration. */
-static const struct action {
+/* Options that are no settings. Those with CONFIG_RUN are no actions. */
+static const struct option {
+    option_rank rank;
     const char *name;
+    const char *argument; /* NULL: none; it has no value */
     config_action action;
-    const char *expected; /* NULL: no value */
-    size_t offset;        /* in config */
-} actions[] = {
-    {"help", CONFIG_HELP, NULL, 0},
-    {"version", CONFIG_VERSION, NULL, 0},
-    {"adopt", CONFIG_ADOPT, NULL, 0},
-    {"print-config", CONFIG_SAMPLE, NULL, 0},
-    {"check", CONFIG_CHECK, NULL, 0},
-    {"check-settings", CONFIG_CHECK_SETTINGS, NULL, 0},
-    {"backup", CONFIG_BACKUP, "a file", offsetof(config, backup)},
-    {"allow", CONFIG_ALLOW, "a user or @GROUP", offsetof(config, admit)},
-    {"deny", CONFIG_DENY, "a user or @GROUP", offsetof(config, admit)},
-    {"open-port", CONFIG_OPEN_PORT, "a user", offsetof(config, admit)},
+    size_t offset; /* in config: of a char * for the value; without an action and a value, of a bool */
+    const char *text;
+} options[] = {
+    {OPTION_BASIC, "config", "FILE", CONFIG_RUN, offsetof(config, file),
+     "reads settings from a file (etc/hexad.conf explains each)"},
+    {OPTION_BASIC, "check-settings", NULL, CONFIG_CHECK_SETTINGS, 0,
+     "checks the settings and starts nothing. It warns of users, groups and directories that do not exist, or "
+     "that the user of this command cannot use, and of a state directory that other users can write to: run it "
+     "as the user of the service. It says if hexad would not start, although the settings are right, for example "
+     "with a port and without any token. It does not open ports, and does not read the database"},
+    {OPTION_ADVANCED, "strict", NULL, CONFIG_RUN, offsetof(config, strict),
+     "with --check-settings: ends with 1 if hexad would not start"},
+    {OPTION_BASIC, "allow", "USER|@GROUP", CONFIG_ALLOW, offsetof(config, admit),
+     "grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name to unix_users or "
+     "unix_groups of FILE (default: the file that hexad.service names, otherwise " CONFIG_FILE
+     "). For the service that systemd runs with this file it also writes the drop-in hexad.socket.d/allow.conf "
+     "and has systemd read both; run it as root then. It prints each step, warns if the user still cannot reach "
+     "the socket, and can be repeated"},
+    {OPTION_BASIC, "deny", "USER|@GROUP", CONFIG_DENY, offsetof(config, admit), "revokes this access"},
+    {OPTION_BASIC, "open-port", "USER", CONFIG_OPEN_PORT, offsetof(config, admit),
+     "opens the port 127.0.0.1:8642 of the service that systemd runs. It is for the web page and for other "
+     "clients of this machine. It creates a token for USER who has none, writes the drop-in "
+     "hexad.socket.d/tcp.conf if there is none, and then restarts the service, which ends running attempts as a "
+     "drain does. It prints the address and the token; run it as root"},
+    {OPTION_BASIC, "backup", "FILE", CONFIG_BACKUP, offsetof(config, backup),
+     "copies the queue's database to FILE, replacing it, and checks the copy. It works whether hexad runs or "
+     "not. A running hexad is found at $HEXAD_SERVER, otherwise at the address of the settings; over TCP it "
+     "requires a token with the scope admin in $HEXAD_TOKEN"},
+    {OPTION_ADVANCED, "check", NULL, CONFIG_CHECK, 0,
+     "checks the database for damage and, if hexad does not run, whether the results of all jobs have their "
+     "files, with their lengths. It changes neither and prints a line for each fault. --backup, --check and "
+     "--check-settings read " CONFIG_FILE " unless --config or --state_dir is given"},
+    {OPTION_ADVANCED, "contents", NULL, CONFIG_RUN, offsetof(config, contents),
+     "with --check: reads all files of results and uploads, and compares their bytes with the hashes that were "
+     "stored with them. It requires that hexad does not run, and reports its progress on standard error"},
+    {OPTION_ADVANCED, "adopt", NULL, CONFIG_ADOPT, 0,
+     "for one start: takes over the database in state_dir from another instance, or creates a new one if it is "
+     "missing, and registers results that it lacks"},
+    {OPTION_BASIC, "print-config", NULL, CONFIG_SAMPLE, 0, "prints a sample of the settings file"},
+    {OPTION_BASIC, "help", NULL, CONFIG_HELP, 0, "prints this text; --help all: all options and settings"},
+    {OPTION_ADVANCED, "version", NULL, CONFIG_VERSION, 0, "prints the version"},
 };
-enum { ACTION_COUNT = sizeof actions / sizeof *actions };
+enum { OPTION_COUNT = sizeof options / sizeof *options };
 
 static bool is_named(const char *key, size_t length, const char *name)
 {
     return strlen(name) == length && memcmp(key, name, length) == 0;
 }
 
-static const struct action *find_action(const char *key, size_t length)
+static const struct option *find_option(const char *key, size_t length)
 {
-    for (size_t i = 0; i < ACTION_COUNT; i++)
-        if (is_named(key, length, actions[i].name)) return &actions[i];
+    for (size_t i = 0; i < OPTION_COUNT; i++)
+        if (is_named(key, length, options[i].name)) return &options[i];
     return NULL;
 }
 
 /* Whether it is an option with a value. */
-static bool is_option(const char *key, size_t length)
+static bool has_value(const char *key, size_t length)
 {
-    const struct action *a = find_action(key, length);
-    return (a && a->expected) || is_named(key, length, "config") || find_row(key, length);
+    const struct option *o = find_option(key, length);
+    return o ? o->argument != NULL : find_row(key, length) != NULL;
 }
 
 static bool refuse_option(const char *key, size_t length, error *e)
 {
     nearest_name nearest = nearest_name_to(key, length);
-    for (size_t i = 0; i < ACTION_COUNT; i++) nearest_name_offer(&nearest, actions[i].name);
-    nearest_name_offer(&nearest, "config");
-    nearest_name_offer(&nearest, "strict");
-    nearest_name_offer(&nearest, "contents");
+    for (size_t i = 0; i < OPTION_COUNT; i++) nearest_name_offer(&nearest, options[i].name);
     offer_settings(&nearest);
-    if (find_action(key, length))
+    if (find_option(key, length))
         return error_set(e, ERROR_SPEC_INVALID, "--%.*s takes no value: remove it", (int)length, key);
     if (nearest.name)
         return error_set(e, ERROR_SPEC_INVALID, "unknown option --%.*s; did you mean --%s?", (int)length, key,
@@ -293,7 +321,7 @@ static bool split_option(int argc, char *const *argv, int *index, const char **k
         return error_set(e, ERROR_SPEC_INVALID, "unexpected argument %s; see hexad --help", text);
     *key = text + 2;
     *length = strcspn(*key, "=");
-    if (!is_option(*key, *length)) return refuse_option(*key, *length, e);
+    if (!has_value(*key, *length)) return refuse_option(*key, *length, e);
     *value = (*key)[*length] ? *key + *length + 1 : NULL;
     if (*value) return true;
     if (*index + 1 >= argc)
@@ -302,32 +330,38 @@ static bool split_option(int argc, char *const *argv, int *index, const char **k
     return true;
 }
 
-/* The action of an argument without a value; NULL: none. */
-static const struct action *find_bare_action(const char *text)
+/* The option without a value that an argument is; NULL: none. */
+static const struct option *find_bare_option(const char *text)
 {
     if (strcmp(text, "-h") == 0) text = "--help";
-    const struct action *a = strncmp(text, "--", 2) == 0 ? find_action(text + 2, strlen(text + 2)) : NULL;
-    return a && !a->expected ? a : NULL;
+    const struct option *o = strncmp(text, "--", 2) == 0 ? find_option(text + 2, strlen(text + 2)) : NULL;
+    return o && !o->argument ? o : NULL;
 }
 
 /* Sets the action; a command line has at most one. */
-static bool choose(const struct action *a, config_action *action, error *e)
+static bool choose(const struct option *o, config_action *action, error *e)
 {
-    for (size_t i = 0; *action != a->action && i < ACTION_COUNT; i++)
-        if (actions[i].action == *action)
+    for (size_t i = 0; *action != CONFIG_RUN && *action != o->action && i < OPTION_COUNT; i++)
+        if (options[i].action == *action)
             return error_set(e, ERROR_SPEC_INVALID, "--%s and --%s are both given: give one of them",
-                             actions[i].name, a->name);
-    *action = a->action;
+                             options[i].name, o->name);
+    *action = o->action;
     return true;
 }
 
-static bool take_action(config *c, const struct action *a, const char *value, config_action *action, error *e)
+static bool take_bare_option(config *c, const struct option *o, config_action *action, error *e)
 {
-    char **kept = (char **)((char *)c + a->offset);
+    if (o->action != CONFIG_RUN) return choose(o, action, e);
+    return *(bool *)((char *)c + o->offset) = true;
+}
+
+static bool take_action(config *c, const struct option *o, const char *value, config_action *action, error *e)
+{
+    char **kept = (char **)((char *)c + o->offset);
     if (!*value || strcmp(value, "@") == 0)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s requires a value: give %s", a->name, a->expected);
-    if (!choose(a, action, e)) return false;
-    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: give one", a->name);
+        return error_set(e, ERROR_SPEC_INVALID, "--%s requires a value: give %s", o->name, o->argument);
+    if (!choose(o, action, e)) return false;
+    if (*kept) return error_set(e, ERROR_SPEC_INVALID, "--%s is given with two values: give one", o->name);
     *kept = mem_strdup(value);
     return true;
 }
@@ -345,26 +379,22 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
     for (int i = 1; i < argc; i++) {
         const char *key = "", *value = NULL;
         size_t length = 0;
-        const struct action *a = find_bare_action(argv[i]);
-        s->c->strict |= strcmp(argv[i], "--strict") == 0;
-        s->c->contents |= strcmp(argv[i], "--contents") == 0;
-        if (strcmp(argv[i], "--strict") == 0 || strcmp(argv[i], "--contents") == 0) continue;
-        if (a) {
-            if (!choose(a, action, s->e)) return false;
+        const struct option *o = find_bare_option(argv[i]);
+        if (o) {
+            if (!take_bare_option(s->c, o, action, s->e)) return false;
+            continue;
+        }
+        if (*action == CONFIG_HELP && strcmp(argv[i], "all") == 0) {
+            s->c->help_all = true;
             continue;
         }
         if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
-        if (is_named(key, length, "config")) {
-            if (files && !take_file(s, value)) return false;
-            continue;
-        }
-        if (files) continue;
-        a = find_action(key, length);
-        if (a && a->expected) {
-            if (!take_action(s->c, a, value, action, s->e)) return false;
-            continue;
-        }
-        if (!set_from(s, find_row(key, length), value)) return error_prefix(s->e, "command line");
+        o = find_option(key, length);
+        const bool is_file = o && o->action == CONFIG_RUN;
+        if (files != is_file) continue;
+        if (is_file && !take_file(s, value)) return false;
+        if (o && !is_file && !take_action(s->c, o, value, action, s->e)) return false;
+        if (!o && !set_from(s, find_row(key, length), value)) return error_prefix(s->e, "command line");
     }
     return true;
 }
@@ -417,26 +447,6 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     return true;
 }
 
-static size_t size_of(config_type type)
-{
-    switch (type) {
-    case CONFIG_TEXT:
-        return sizeof(char *);
-    case CONFIG_LIST:
-    case CONFIG_WORDS:
-        return sizeof(config_list);
-    case CONFIG_INTEGER:
-        return sizeof(int64_t);
-    case CONFIG_REAL:
-        return sizeof(double);
-    case CONFIG_SANDBOX:
-        return sizeof(sandbox_mode);
-    case CONFIG_LEVEL:
-        return sizeof(log_level);
-    }
-    return 0;
-}
-
 bool config_lists_differ(const config_list *a, const config_list *b)
 {
     bool equal = a->count == b->count;
@@ -447,7 +457,7 @@ bool config_lists_differ(const config_list *a, const config_list *b)
 static bool are_equal(const config_row *row, const void *a, const void *b)
 {
     if (row->type == CONFIG_TEXT) return strcmp(*(char *const *)a, *(char *const *)b) == 0;
-    if (!is_list(row)) return memcmp(a, b, size_of(row->type)) == 0;
+    if (!is_list(row)) return memcmp(a, b, row->size) == 0;
     return !config_lists_differ(a, b);
 }
 
@@ -467,7 +477,7 @@ void config_take_over(config *c, config *fresh)
         void *from = (char *)fresh + row->offset;
         if (are_equal(row, at, from)) continue;
         assert(!row->reloads || row->type != CONFIG_TEXT); /* other modules keep pointers to texts */
-        if (row->reloads) swap(at, from, size_of(row->type));
+        if (row->reloads) swap(at, from, row->size);
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
                   row->reloads ? "has changed" : "has changed: restart hexad to apply it");
     }
@@ -537,22 +547,6 @@ bool config_find_node(config *c, error *e)
     return find_program(&c->slurm_node, "hexad-node", "slurm_node", e);
 }
 
-/* Prints a text in lines of at most 78 characters after a prefix. */
-static void print_wrapped(FILE *file, const char *prefix, const char *prose)
-{
-    size_t width = 78 - strlen(prefix);
-    while (*prose) {
-        size_t length = strlen(prose);
-        if (length > width) {
-            length = width;
-            while (length > 0 && prose[length] != ' ') length--;
-        }
-        fprintf(file, "%s%.*s\n", prefix, (int)length, prose);
-        prose += length;
-        while (*prose == ' ') prose++;
-    }
-}
-
 static void print_facts(FILE *file, const char *prefix, const config_row *row)
 {
     fprintf(file, "%sDefault: %s", prefix, row->default_text ? row->default_text : "empty");
@@ -562,56 +556,81 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
     fputs(row->reloads ? ". SIGHUP reloads it.\n" : ".\n", file);
 }
 
-void config_print_help(FILE *file)
+static void print_help_row(FILE *file, const config_row *row)
+{
+    fprintf(file, "\n  --%s\n", row->key);
+    help_text_wrap(file, "      ", row->help);
+    print_facts(file, "      ", row);
+}
+
+static void print_sample_row(FILE *file, const config_row *row)
+{
+    fputc('\n', file);
+    help_text_wrap(file, "# ", row->help);
+    print_facts(file, "# ", row);
+    fprintf(file, "#%s =%s%s\n", row->key, row->default_text ? " " : "", default_of(row));
+}
+
+/* Prints each setting, below the heading of its rank. */
+static void print_rows(FILE *file, const char *prefix, void (*print)(FILE *file, const config_row *row))
+{
+    static const char *const headings[] = {[OPTION_BASIC] = "Basic settings",
+                                           [OPTION_ADVANCED] = "Further settings",
+                                           [OPTION_RESEARCH] =
+                                               "Settings that only measurements suggest to change"};
+    for (option_rank rank = OPTION_BASIC; rank <= OPTION_RESEARCH; rank++) {
+        fprintf(file, "\n%s%s\n", prefix, headings[rank]);
+        for (size_t i = 0; i < config_table_size; i++)
+            if (config_table[i].rank == rank) print(file, &config_table[i]);
+    }
+}
+
+static void print_options(FILE *file, bool all)
+{
+    enum { COLUMN = 20 };
+    for (size_t i = 0; i < OPTION_COUNT; i++) {
+        const struct option *o = &options[i];
+        if (!all && o->rank != OPTION_BASIC) continue;
+        char *term = mem_printf("--%s%s%s", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
+        help_text_item(file, COLUMN, term, o->text, !all);
+        free(term);
+    }
+}
+
+static void print_basic_settings(FILE *file)
+{
+    enum { COLUMN = 24 };
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        if (row->rank != OPTION_BASIC) continue;
+        char *term = mem_printf("--%s", row->key);
+        help_text_item(file, COLUMN, term, row->help, true);
+        free(term);
+    }
+}
+
+void config_print_help(FILE *file, bool all)
 {
     fputs(
-        "usage: hexad [--config FILE] [--KEY VALUE]...\n"
-        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check [--contents]\n"
+        "usage: hexad [--config FILE] [--KEY VALUE]... [--backup FILE | --check [--contents]]\n"
         "       hexad [--config FILE] [--KEY VALUE]... --check-settings [--strict]\n"
         "       hexad [--config FILE] --allow USER|@GROUP | --deny USER|@GROUP | --open-port USER\n"
         "\n"
-        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-        "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
-        "it at once. SIGHUP reloads the settings.\n"
-        "\n"
-        "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
-        "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
-        "                   creates a new one if it is missing, and registers results that it lacks\n"
-        "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the copy. It works\n"
-        "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
-        "                   otherwise at the address of the settings; over TCP it requires a token with the\n"
-        "                   scope admin in $HEXAD_TOKEN\n"
-        "  --check          checks the database for damage and, if hexad does not run, whether the results of\n"
-        "                   all jobs have their files, with their lengths. It changes neither and prints a line\n"
-        "                   for each fault. --backup, --check and --check-settings read " CONFIG_FILE
-        " unless --config or\n"
-        "                   --state_dir is given\n"
-        "  --contents       with --check: reads all files of results and uploads, and compares their bytes with\n"
-        "                   the hashes that were stored with them. It requires that hexad does not run, and\n"
-        "                   reports its progress on standard error\n"
-        "  --allow USER     grants a user, or the members of a @GROUP, access to the Unix socket. It adds the name\n"
-        "                   to unix_users or unix_groups of FILE (default: the file that hexad.service\n"
-        "                   names, otherwise " CONFIG_FILE "). For\n"
-        "                   the service that systemd runs with this file it also writes the drop-in\n"
-        "                   hexad.socket.d/allow.conf and has systemd read both; run it as root then. It prints\n"
-        "                   each step, warns if the user still cannot reach the socket, and can be repeated\n"
-        "  --deny USER      revokes this access\n"
-        "  --open-port USER\n"
-        "                   opens the port 127.0.0.1:8642 of the service that systemd runs, for the web page and for\n"
-        "                   other clients of this machine: creates a token for USER who has none, writes the drop-in\n"
-        "                   hexad.socket.d/tcp.conf if there is none, and then restarts the service, which ends\n"
-        "                   running attempts as a drain does. It prints the address and the token; run it as root\n"
-        "  --check-settings\n"
-        "                   checks the settings and starts nothing. It warns of users, groups and\n"
-        "                   directories that do not exist, or that the user of this command cannot use,\n"
-        "                   and of a state directory that other users can write to: run it as the user of\n"
-        "                   the service. It says if hexad would not start, although the settings are\n"
-        "                   right, for example with a port and without any token. It does not open ports, and\n"
-        "                   does not read the database\n"
-        "  --strict         with --check-settings: ends with 1 if hexad would not start\n"
-        "  --print-config   prints a sample of the settings file\n"
-        "  --help           prints this text\n"
-        "  --version        prints the version\n"
+        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker process.\n",
+        file);
+    if (all)
+        fputs(
+            "SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops it at once. SIGHUP\n"
+            "reloads the settings.\n",
+            file);
+    fputc('\n', file);
+    print_options(file, all);
+    if (!all) {
+        fputs("\nSettings, as options and as keys of the file; --help all has all:\n", file);
+        print_basic_settings(file);
+        return;
+    }
+    fputs(
         "\n"
         "Exit status: 0 drained, 1 failure, 2 bad settings. With --backup: 0 done, 1 failure; FILE is\n"
         "then unchanged. With --check: 0 no fault, 1 a fault was found, or the check failed.\n"
@@ -622,12 +641,7 @@ void config_print_help(FILE *file)
         "Settings, as options and as keys of the file; options take precedence. A size in bytes or MiB\n"
         "may be given with K, M, G or T, the powers of 1024: 16G\n",
         file);
-    for (size_t i = 0; i < config_table_size; i++) {
-        const config_row *row = &config_table[i];
-        fprintf(file, "\n  --%s\n", row->key);
-        print_wrapped(file, "      ", row->help);
-        print_facts(file, "      ", row);
-    }
+    print_rows(file, "", print_help_row);
 }
 
 void config_print_sample(FILE *file)
@@ -637,11 +651,5 @@ void config_print_sample(FILE *file)
         "# with K, M, G or T, the powers of 1024: 16G\n"
         "# Made by `hexad --print-config`.\n",
         file);
-    for (size_t i = 0; i < config_table_size; i++) {
-        const config_row *row = &config_table[i];
-        fputc('\n', file);
-        print_wrapped(file, "# ", row->help);
-        print_facts(file, "# ", row);
-        fprintf(file, "#%s =%s%s\n", row->key, row->default_text ? " " : "", default_of(row));
-    }
+    print_rows(file, "# ---- ", print_sample_row);
 }

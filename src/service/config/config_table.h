@@ -7,22 +7,24 @@
 #include <stddef.h>
 
 #include "base/core/build_part.h"
+#include "base/core/help_text.h"
 
 typedef enum config_type {
-    CONFIG_TEXT,    /* char * */
-    CONFIG_LIST,    /* config_list, separated by `:` or `,`, and the key may be repeated */
-    CONFIG_WORDS,   /* config_list, separated by `,` only, and the key may be repeated */
-    CONFIG_INTEGER, /* int64_t */
-    CONFIG_REAL,    /* double */
-    CONFIG_SANDBOX, /* sandbox_mode */
-    CONFIG_LEVEL    /* log_level */
+    CONFIG_TEXT,
+    CONFIG_LIST,  /* separated by `:` or `,`, and the key may be repeated */
+    CONFIG_WORDS, /* separated by `,` only, and the key may be repeated */
+    CONFIG_INTEGER,
+    CONFIG_REAL,
+    CONFIG_SANDBOX,
+    CONFIG_LEVEL
 } config_type;
 
 /* Members that a row does not set are zero: no default, no unit, not reloaded. */
 typedef struct config_row {
     const char *key;
-    size_t offset; /* in config */
+    size_t offset, size; /* of the member in config, bytes */
     config_type type;
+    option_rank rank;
     const char *default_text; /* in the syntax of the file; NULL: empty */
     double low, high;         /* of numbers; inclusive */
     bool or_zero;             /* 0 is permitted although it is below `low` */
