@@ -3,8 +3,11 @@
 import {html, useState} from "./preact.js";
 import {countOf} from "./words.js";
 
-/** Optional members that a form shows at first, although they are absent. */
-const UP_FRONT = ["/sampling/pattern", "/sampling/curvature"];
+const RANKS = ["basic", "advanced", "research"];
+
+/** The names of members, basic ones first. */
+export const byRank = (names, properties) =>
+  names.map(name => [RANKS.indexOf(properties[name]["x-rank"]), name]).sort(([a], [b]) => a - b).map(([, name]) => name);
 
 const wordOf = name => (name ? name[0].toUpperCase() + name.slice(1).replace(/_/g, " ") : "");
 
@@ -120,14 +123,14 @@ function Variants({name, schema, value, pointer, faults, onChange, discriminator
 }
 
 /**
- * The members of an object. Optional members without a value are below "More". They stay there, so that no field moves
- * while the user types.
+ * The members of an object, basic ones first. Optional members that are not basic and have no value are below "More". They
+ * stay there, so that no field moves while the user types.
  */
 function Members({schema, value = {}, pointer, faults, onChange}) {
-  const choices = choicesOf(schema), given = choices.find(name => name in value) || choices[0];
-  const others = Object.keys(schema.properties).filter(name => !choices.includes(name));
+  const choices = byRank(choicesOf(schema), schema.properties), given = choices.find(name => name in value) || choices[0];
+  const others = byRank(Object.keys(schema.properties).filter(name => !choices.includes(name)), schema.properties);
   const [late] = useState(() => {
-    const absent = others.filter(name => !(schema.required || []).includes(name) && !(name in value) && !UP_FRONT.includes(`${pointer}/${name}`));
+    const absent = others.filter(name => !(schema.required || []).includes(name) && !(name in value) && schema.properties[name]["x-rank"] !== RANKS[0]);
     return choices.length || absent.length < others.length ? absent : [];
   });
   const member = name => {

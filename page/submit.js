@@ -3,7 +3,7 @@
 import {html, useEffect, useRef, useState} from "./preact.js";
 import {call, get, query, retryAfterOf, send, wait} from "./api.js";
 import {endingOf, Files, Uploads} from "./files.js";
-import {Node, titleOf} from "./form.js";
+import {byRank, Node, titleOf} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
 import {Progress, Trouble, useAction, useTitle} from "./parts.js";
 import {Sha256} from "./sha256.js";
@@ -190,7 +190,7 @@ export function Submit({search}) {
   const {properties} = schema;
   const group = (name, picture) => html`<fieldset class="card" key=${name}><legend>${titleOf(name, properties[name])}</legend>${picture}<div class="fields">
     <${Node} name=${name} schema=${properties[name]} value=${spec[name]} pointer=${`/${name}`} faults=${faults} onChange=${next => setSpec({...spec, [name]: next})} /></div></fieldset>`;
-  const rest = Object.keys(properties).filter(name => !["version", "name", "surface", "sampling"].includes(name));
+  const rest = byRank(Object.keys(properties).filter(name => !["version", "name", "surface", "sampling"].includes(name)), properties);
   return html`<div class=${`submit ${over ? "over" : ""}`} onDragOver=${e => {
     e.preventDefault();
     setOver(true);

@@ -197,11 +197,12 @@ static void put_type(json *schema, const spec_row *row, json_schema_use use)
     }
 }
 
-/* Adds the title and the description: the prose, the unit, and the default if the schema has no member for it. */
+/* Adds the title, the rank and the description: the prose, the unit, and the default if the schema has no member for it. */
 static void put_prose(json *schema, const spec_row *row, json_schema_use use)
 {
     const char *otherwise = use == JSON_SCHEMA_SENT ? row->otherwise : NULL;
     if (row->title) json_put_string(schema, "title", row->title);
+    if (use != JSON_SCHEMA_ANSWERED) json_put_string(schema, "x-rank", option_rank_name(row->rank));
     char *prose = mem_printf("%s%s%s%s%s%s%s", row->prose, row->unit ? " (" : "", row->unit ? row->unit : "",
                              row->unit ? ")" : "", otherwise ? " Default: " : "", otherwise ? otherwise : "",
                              otherwise ? "." : "");

@@ -442,9 +442,12 @@ const char *spec_surface_kind_name(spec_surface_kind kind);
 /* The name of an energy, for energy_find. */
 const char *spec_energy_name(spec_energy energy);
 
+#define SPEC_HELP_ALL "all"
+
 /* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit,
- * meaning). `member`: only the parameters with this JSON Pointer and their members. It may also be the last
- * parts of a pointer ("count", "sampling/count"). NULL: all parameters. Returns the number of paragraphs. */
+ * rank, meaning), basic parameters first. `member`: the parameters with this JSON Pointer and their members.
+ * It may also be the last parts of a pointer ("count", "sampling/count"). SPEC_HELP_ALL: all parameters. NULL:
+ * the basic ones. Returns the number of paragraphs. */
 size_t spec_print_help(FILE *file, const char *member);
 
 #endif

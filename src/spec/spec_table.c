@@ -16,14 +16,37 @@
 /* The field's derivatives and their squares stay finite. */
 #define COEFFICIENT_MAX 1e30
 
-/* The pointer of a member, given as its group and its key. */
-#define MEMBER(group, key) group "/" key, .key_offset = sizeof group
-#define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
-#define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
+/* The pointer of a member, given as its group and its key, and the rank of the member. */
+#define MEMBER(rank_, group, key) group "/" key, .key_offset = sizeof group, .rank = OPTION_##rank_
+/* The type of a member whose value is stored in this field. AT_AS states a type that the field does not
+ * determine. */
+#define TYPE_OF(field) \
+    _Generic(((spec *)NULL)->field,              \
+             double : SPEC_TYPE_NUMBER,          \
+             int : SPEC_TYPE_INTEGER,            \
+             int64_t : SPEC_TYPE_LARGE,          \
+             uint64_t : SPEC_TYPE_LARGE,         \
+             bool : SPEC_TYPE_BOOL,              \
+             unsigned : SPEC_TYPE_WORD,          \
+             char * : SPEC_TYPE_STRING,          \
+             vec3 : SPEC_TYPE_VECTOR,            \
+             int * : SPEC_TYPE_TRIPLE,           \
+             double * : SPEC_TYPE_NUMBERS,       \
+             spec_list : SPEC_TYPE_INTEGERS,     \
+             spec_list * : SPEC_TYPE_LISTS,      \
+             spec_surface * : SPEC_TYPE_SURFACE, \
+             spec_files : SPEC_TYPE_FILES,       \
+             char ** : SPEC_TYPE_LABELS)
+#define AT(field) AT_AS(TYPE_OF(field), field)
+#define AT_AS(type_, field) .type = type_, .offset = offsetof(spec, field), .has = SPEC_NOWHERE
+#define AT_HAS(field, flag) \
+    .type = TYPE_OF(field), .offset = offsetof(spec, field), .has = offsetof(spec, flag)
 #define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
-#define GROUP(group, key, flags_, words_)                                                                  \
-    {                                                                                                      \
-        .pointer = MEMBER(group, key), .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_ \
+#define HAS_MEMBERS .type = SPEC_TYPE_GROUP, UNSTORED
+#define HAS_MEMBERS_IF(flag) .type = SPEC_TYPE_GROUP, .offset = SPEC_NOWHERE, .has = offsetof(spec, flag)
+#define GROUP(rank_, group, key, flags_, words_)                                            \
+    {                                                                                       \
+        .pointer = MEMBER(rank_, group, key), .flags = flags_, HAS_MEMBERS, .prose = words_ \
     }
 /* The words of a list, ended by NULL. */
 #define WORDS(list)                    \
@@ -37,75 +60,67 @@
 #define MEYER (METHOD(SIZED) | METHOD(PAPER))
 
 const spec_row spec_rows[] = {
-    {.pointer = MEMBER("", "version"),
+    {.pointer = MEMBER(BASIC, "", "version"),
      .type = SPEC_TYPE_INTEGER,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1,
      UNSTORED,
      .prose = "The version of the spec's format."},
-    {.pointer = MEMBER("", "name"),
+    {.pointer = MEMBER(BASIC, "", "name"),
      .title = "Name of the job",
-     .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 200,
      AT(name),
      .prose = "A descriptive name. hexad does not interpret it."},
 
-    GROUP("", "surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
-    {.pointer = MEMBER("/surface", "vdb"),
+    GROUP(BASIC, "", "surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
+    {.pointer = MEMBER(BASIC, "/surface", "vdb"),
      .title = "VDB file",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue."},
-    {.pointer = MEMBER("/surface/vdb", "path"),
+    {.pointer = MEMBER(BASIC, "/surface/vdb", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
      AT(surface.vdb.path),
      .prose =
          "The file. It must lie below one of the service's input roots, or have been sent with hexadctl upload."},
-    {.pointer = MEMBER("/surface/vdb", "grid"),
+    {.pointer = MEMBER(ADVANCED, "/surface/vdb", "grid"),
      .title = "Name of the grid",
-     .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.vdb.grid),
      .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. "
               "Required if the file has several scalar grids."},
-    {.pointer = MEMBER("/surface/vdb", "isovalue"),
+    {.pointer = MEMBER(BASIC, "/surface/vdb", "isovalue"),
      .title = "Value on the surface",
-     .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
      .high = 1e30,
      AT_HAS(surface.vdb.isovalue, surface.vdb.has_isovalue),
      .unit = "the grid's",
      .prose = "The value on the surface. Default for a level set: 0. Required for a fog volume."},
-    {.pointer = MEMBER("/surface/vdb", "reconstruction"),
+    {.pointer = MEMBER(ADVANCED, "/surface/vdb", "reconstruction"),
      .title = "Values between the samples",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.vdb.reconstruction),
      .prose = "interpolating: the spline passes through the samples. smoothing: the samples are the "
               "spline's coefficients; this blurs noise and moves the surface slightly."},
 
-    {.pointer = MEMBER("/surface", "mesh"),
+    {.pointer = MEMBER(BASIC, "/surface", "mesh"),
      .title = "Triangle mesh",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A triangle mesh. It is sampled on its triangles. A closed mesh is converted to a level set "
               "with exact distances if the spec has voxel_size, resolution or on_mesh false, in offsets and "
               "combinations, and if too much of its area is inside its solids."},
-    {.pointer = MEMBER("/surface/mesh", "path"),
+    {.pointer = MEMBER(BASIC, "/surface/mesh", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -114,9 +129,8 @@ const spec_row spec_rows[] = {
          "The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are read for the "
          "attribute base_color only (materials and images, below the input roots)."},
-    {.pointer = MEMBER("/surface/mesh", "voxel_size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "voxel_size"),
      .title = "Size of a voxel",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_VOXELS,
      .low = 0,
@@ -126,9 +140,8 @@ const spec_row spec_rows[] = {
      .prose =
          "A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the longest side of the mesh's "
          "bounding box. Excludes resolution."},
-    {.pointer = MEMBER("/surface/mesh", "resolution"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "resolution"),
      .title = "Voxels along the longest side",
-     .type = SPEC_TYPE_INTEGER,
      .choice = SPEC_CHOICE_VOXELS,
      .low = 8,
      .high = 8191,
@@ -141,9 +154,8 @@ const spec_row spec_rows[] = {
               "area is thinner than a voxel. At 256, at least 90 % of a scanned mesh is within "
               "0.05 voxels of the sampled surface; sharp edges deviate more. Twice the number "
               "requires three to four times the memory and time."},
-    {.pointer = MEMBER("/surface/mesh", "max_resolution"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "max_resolution"),
      .title = "Most voxels along the longest side",
-     .type = SPEC_TYPE_INTEGER,
      .flags = SPEC_DEPENDENT,
      .low = 256,
      .high = 8191,
@@ -152,9 +164,8 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose = "The maximum resolution that hexad chooses. limits.memory_mb limits it as well: the "
               "voxels of thin parts use at most an eighth of it."},
-    {.pointer = MEMBER("/surface/mesh", "band_vox"),
+    {.pointer = MEMBER(RESEARCH, "/surface/mesh", "band_vox"),
      .title = "Width of the narrow band",
-     .type = SPEC_TYPE_INTEGER,
      .low = 3,
      .high = 32,
      .otherwise = "4",
@@ -164,9 +175,8 @@ const spec_row spec_rows[] = {
          "The half-width of the band of distances around the mesh. Particles use four voxels on "
          "either side of the surface. Three give the same surface; more than four only cost time. An offset "
          "of the mesh makes the band as wide as it needs, up to 32."},
-    {.pointer = MEMBER("/surface/mesh", "weld"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "weld"),
      .title = "Tolerance for joining open edges",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.01,
      .otherwise = "1e-6",
@@ -176,17 +186,15 @@ const spec_row spec_rows[] = {
               "box: vertices of open edges within this distance are welded, or snapped to another "
               "open edge, but at most within a tenth of the shortest edge at them. 0: only vertices "
               "with equal coordinates are welded."},
-    {.pointer = MEMBER("/surface/mesh", "holes"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "holes"),
      .title = "Open boundaries",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_HOLES),
      .otherwise = "\"keep\"",
      AT(surface.mesh.holes),
      .prose = "keep: an open mesh is sampled as an open surface, with points along its boundaries. "
               "fill: holes are filled; a mesh that then encloses no volume is refused."},
-    {.pointer = MEMBER("/surface/mesh", "interior"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "interior"),
      .title = "Parts inside solids",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERIOR),
      .otherwise = "\"auto\"",
      AT(surface.mesh.interior),
@@ -194,19 +202,16 @@ const spec_row spec_rows[] = {
               "drop: only the outside of the solids is sampled, by a level set; this requires a "
               "closed mesh. auto: drop if more than 1 % of the area of a closed mesh is inside it, "
               "otherwise keep."},
-    {.pointer = MEMBER("/surface/mesh", "features"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "features"),
      .title = "Feature edges",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, surface.mesh.has_features),
+     HAS_MEMBERS_IF(surface.mesh.has_features),
      .prose =
          "Samples along sharp edges. If omitted, feature edges are detected automatically: meshes of planes and arcs (CAD "
          "models) use an angle of 0.7; scanned meshes get no feature edges. If given for a scanned mesh, sharp edges are "
          "feature edges only in chains of at least 16 edges and 4 spacings."},
-    {.pointer = MEMBER("/surface/mesh/features", "angle"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh/features", "angle"),
      .title = "Angle of feature edges",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 3.14,
      .otherwise = "0.7",
@@ -214,31 +219,27 @@ const spec_row spec_rows[] = {
      .unit = "radians",
      .prose = "Edges are sharp if the normals of their triangles differ by more than this. 0: no "
               "edge is sharp."},
-    {.pointer = MEMBER("/surface/mesh", "on_mesh"),
+    {.pointer = MEMBER(ADVANCED, "/surface/mesh", "on_mesh"),
      .title = "Points exactly on the triangles",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "true",
      AT(surface.mesh.on_mesh),
      .prose = "true: finally each point is projected onto the nearest triangle that faces the same "
               "way. false: a closed mesh is sampled through a level set without this projection. "
               "Ignored with an offset, with features and for open meshes."},
-    {.pointer = MEMBER("/surface", "analytic"),
+    {.pointer = MEMBER(BASIC, "/surface", "analytic"),
      .title = "Formula",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A surface given by a formula."},
-    {.pointer = MEMBER("/surface/analytic", "shape"),
+    {.pointer = MEMBER(BASIC, "/surface/analytic", "shape"),
      .title = "Formula of the surface",
-     .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_SHAPE),
      AT(surface.analytic.shape),
      .prose = "The formula."},
-    {.pointer = MEMBER("/surface/analytic", "center"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "center"),
      .title = "Centre",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0.5,0.5,0.5]",
@@ -248,8 +249,7 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose =
          "Every shape: the centre. cylinder, cone, capsule: the middle of the axis. halfspace: a point of its plane."},
-    {.pointer = MEMBER("/surface/analytic", "radius"),
-     .type = SPEC_TYPE_NUMBER,
+    {.pointer = MEMBER(BASIC, "/surface/analytic", "radius"),
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -257,9 +257,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.radius),
      .unit = "world",
      .prose = "sphere, cylinder, capsule: the radius. cone: the radius of the base."},
-    {.pointer = MEMBER("/surface/analytic", "axis"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "axis"),
      .title = "Direction of the axis",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,1]",
@@ -269,8 +268,7 @@ const spec_row spec_rows[] = {
          "torus, cylinder, cone, capsule: the direction of the axis of rotation, of a cone from its base to its "
          "top. halfspace: the direction out of the solid, normal to its plane. It must not be zero; its length "
          "does not matter."},
-    {.pointer = MEMBER("/surface/analytic", "height"),
-     .type = SPEC_TYPE_NUMBER,
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "height"),
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -280,9 +278,8 @@ const spec_row spec_rows[] = {
      .prose =
          "cylinder, cone: the length along the axis. capsule: the distance between the centres of its two half "
          "spheres."},
-    {.pointer = MEMBER("/surface/analytic", "top_radius"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "top_radius"),
      .title = "Radius at the top",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "0",
@@ -290,9 +287,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.top_radius),
      .unit = "world",
      .prose = "cone: the radius of the other end; above 0 its tip is cut off."},
-    {.pointer = MEMBER("/surface/analytic", "major_radius"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "major_radius"),
      .title = "Radius of the ring",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -300,9 +296,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.major_radius),
      .unit = "world",
      .prose = "torus: the distance from the centre to the middle of the tube."},
-    {.pointer = MEMBER("/surface/analytic", "minor_radius"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "minor_radius"),
      .title = "Radius of the tube",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -310,9 +305,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.minor_radius),
      .unit = "world",
      .prose = "torus: the radius of the tube. It must be less than major_radius."},
-    {.pointer = MEMBER("/surface/analytic", "half_size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "half_size"),
      .title = "Half of the size",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -320,9 +314,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.half_size),
      .unit = "world",
      .prose = "box: half of each side, including the rounding."},
-    {.pointer = MEMBER("/surface/analytic", "rounding"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "rounding"),
      .title = "Radius of rounded edges",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "0",
@@ -332,9 +325,8 @@ const spec_row spec_rows[] = {
      .prose =
          "box, cylinder: the radius of edges and corners. It must not exceed the smallest half size, of a cylinder "
          "its radius and half of its height."},
-    {.pointer = MEMBER("/surface/analytic", "radii"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "radii"),
      .title = "Half of each axis",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -342,9 +334,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.radii),
      .unit = "world",
      .prose = "ellipsoid: half of each axis."},
-    {.pointer = MEMBER("/surface/analytic", "r"),
+    {.pointer = MEMBER(RESEARCH, "/surface/analytic", "r"),
      .title = "Parameter r of the quartic",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -353,9 +344,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.r),
      .unit = "world",
      .prose = "quartic: r in equation (15)."},
-    {.pointer = MEMBER("/surface/analytic", "size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "size"),
      .title = "Sides of the box",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -364,9 +354,8 @@ const spec_row spec_rows[] = {
      AT(surface.analytic.size),
      .unit = "world",
      .prose = "gyroid: the sides of the box that cuts it."},
-    {.pointer = MEMBER("/surface/analytic", "period"),
+    {.pointer = MEMBER(ADVANCED, "/surface/analytic", "period"),
      .title = "Length of a period",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -375,53 +364,47 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "gyroid: the length of one period."},
 
-    {.pointer = MEMBER("/surface", "bspline"),
+    {.pointer = MEMBER(RESEARCH, "/surface", "bspline"),
      .title = "Spline with given coefficients",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are "
               "inside. Along an axis with n coefficients the domain has n - 3 knot intervals of equal "
               "length w. Coefficient i, counted from 0, belongs to the basis function centred on min + (i "
               "- 1) w, so the first and the last coefficient lie one interval outside the domain."},
-    {.pointer = MEMBER("/surface/bspline", "dims"),
+    {.pointer = MEMBER(RESEARCH, "/surface/bspline", "dims"),
      .title = "Numbers of coefficients",
-     .type = SPEC_TYPE_TRIPLE,
      .flags = SPEC_REQUIRED,
      .low = 4,
      .high = 4096,
      AT(surface.bspline.dims),
      .prose = "The number of coefficients along x, y and z."},
-    GROUP("/surface/bspline", "domain", 0, "The box in which the spline is defined."),
-    {.pointer = MEMBER("/surface/bspline/domain", "min"),
+    GROUP(RESEARCH, "/surface/bspline", "domain", 0, "The box in which the spline is defined."),
+    {.pointer = MEMBER(RESEARCH, "/surface/bspline/domain", "min"),
      .title = "Lowest corner",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,0]",
      AT(surface.bspline.domain.min),
      .unit = "world",
      .prose = "The lowest corner."},
-    {.pointer = MEMBER("/surface/bspline/domain", "max"),
+    {.pointer = MEMBER(RESEARCH, "/surface/bspline/domain", "max"),
      .title = "Highest corner",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[1,1,1]",
      AT(surface.bspline.domain.max),
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
-    {.pointer = MEMBER("/surface/bspline", "coefficients"),
-     .type = SPEC_TYPE_NUMBERS,
+    {.pointer = MEMBER(RESEARCH, "/surface/bspline", "coefficients"),
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = -COEFFICIENT_MAX,
      .high = COEFFICIENT_MAX,
      AT_HAS(surface.bspline.coefficients, surface.bspline.coefficient_count),
      .prose = "The coefficients; x varies fastest, then y. Their number is the product of dims."},
-    {.pointer = MEMBER("/surface/bspline", "path"),
+    {.pointer = MEMBER(RESEARCH, "/surface/bspline", "path"),
      .title = "File of coefficients",
-     .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = 1,
      .high = 4096,
@@ -430,18 +413,16 @@ const spec_row spec_rows[] = {
               "32 or 64 bits. The file size determines which. It must lie below one of the service's input "
               "roots, or have been sent with hexadctl upload."},
 
-    {.pointer = MEMBER("/surface", "volume"),
+    {.pointer = MEMBER(BASIC, "/surface", "volume"),
      .title = "Dense volume",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A dense volume. The surface is where the volume has the isovalue; larger values are inside. "
               "World space is that of the file: for NRRD the space that the header names "
               "(left-posterior-superior is not converted), for NIfTI right-anterior-superior."},
-    {.pointer = MEMBER("/surface/volume", "path"),
+    {.pointer = MEMBER(BASIC, "/surface/volume", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -450,34 +431,30 @@ const spec_row spec_rows[] = {
          "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1, "
          "NIfTI-2, MetaImage, or TIFF of several pages; with slices the images of a stack, with ####, %04d or $F4 in place of the "
          "slice number; or the directory of an OME-Zarr image (0.4 or 0.5). It and the files that it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
-    {.pointer = MEMBER("/surface/volume", "index"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "index"),
      .title = "Number of the volume",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
      AT_HAS(surface.volume.index, surface.volume.has_index),
      .prose =
          "Which volume of a file with more than three axes, counted from 0. Required if there are several. For channel c at time t "
          "of a TIFF file with C channels it is c + C t."},
-    {.pointer = MEMBER("/surface/volume", "level"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "level"),
      .title = "Level of resolution",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
      AT_HAS(surface.volume.level, surface.volume.has_level),
      .prose = "Which resolution of an OME-Zarr directory, counted from 0, the finest. Default: 0."},
-    {.pointer = MEMBER("/surface/volume", "slices"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "slices"),
      .title = "Slices",
-     .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
      .prose =
          "The path names a stack of TIFF images or of OpenEXR images with one channel, and these are its slices: see "
          "/surface/exr/slices."},
-    {.pointer = MEMBER("/surface/volume", "voxel_size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "voxel_size"),
      .title = "Size of a voxel",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -486,18 +463,16 @@ const spec_row spec_rows[] = {
      .prose =
          "The distance between samples along each axis of the data, in place of the one in the file. The directions of the axes "
          "and the position of the first sample stay. Default: that of the file; for files without one, 1."},
-    {.pointer = MEMBER("/surface/volume", "isovalue"),
+    {.pointer = MEMBER(BASIC, "/surface/volume", "isovalue"),
      .title = "Value on the surface",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
      .high = 1e30,
      AT(surface.volume.isovalue),
      .unit = "the volume's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
-    {.pointer = MEMBER("/surface/volume", "no_data"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "no_data"),
      .title = "Value for \"no data\"",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_OPTIONAL,
      .low = -1e300,
      .high = 1e300,
@@ -506,29 +481,26 @@ const spec_row spec_rows[] = {
      .prose =
          "Samples with this value have no data, as -9999 or padding: they are outside, and are read as the lowest other "
          "value. Files that state such a value do not set it."},
-    {.pointer = MEMBER("/surface/volume", "reconstruction"),
+    {.pointer = MEMBER(ADVANCED, "/surface/volume", "reconstruction"),
      .title = "Values between the samples",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.volume.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
 
-    {.pointer = MEMBER("/surface", "labels"),
+    {.pointer = MEMBER(BASIC, "/surface", "labels"),
      .title = "Segmentation",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose =
          "A segmentation: a volume of whole numbers, its labels. The surface is all interfaces between "
          "two of them, each once. Points along the lines where three meet, and along the end of the "
          "data, come first. Points have the properties label_a and label_b: label_a is the lower of the two "
          "labels, but a background is always label_b. Normals point from label_a to label_b. It must be the whole surface: it excludes combinations, "
          "offsets, transforms and region."},
-    {.pointer = MEMBER("/surface/labels", "path"),
+    {.pointer = MEMBER(BASIC, "/surface/labels", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -536,46 +508,40 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: NRRD, NIfTI, MetaImage, TIFF of several pages, OpenVDB, or the directory of an OME-Zarr image; with slices the images, as in /surface/exr/path. It and the files that "
          "it names must lie below one of the service's input roots. A file that names no other one may instead have been sent with hexadctl upload."},
-    {.pointer = MEMBER("/surface/labels", "index"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "index"),
      .title = "Number of the volume",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e9,
      AT_HAS(surface.labels.index, surface.labels.has_index),
      .prose = "See /surface/volume/index."},
-    {.pointer = MEMBER("/surface/labels", "level"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "level"),
      .title = "Level of resolution",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1000,
      AT_HAS(surface.labels.level, surface.labels.has_level),
      .prose = "See /surface/volume/level."},
-    {.pointer = MEMBER("/surface/labels", "slices"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "slices"),
      .title = "Numbers of the slices",
-     .type = SPEC_TYPE_STRING,
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
      .prose =
          "The labels are a stack of OpenEXR or TIFF images, and these are its slices: see "
          "/surface/exr. The same holds for part, channel, voxel_size and origin; TIFF has no part and no channel."},
-    {.pointer = MEMBER("/surface/labels", "part"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "part"),
      .title = "Name of the part",
-     .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Requires slices."},
-    {.pointer = MEMBER("/surface/labels", "channel"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "channel"),
      .title = "Name of the channel",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(surface.exr.channel),
      .prose = "The name of the channel. Requires slices."},
-    {.pointer = MEMBER("/surface/labels", "voxel_size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "voxel_size"),
      .title = "Size of a voxel",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -585,32 +551,28 @@ const spec_row spec_rows[] = {
      .prose =
          "The distance between columns, rows and slices. For files with a size of their own it replaces that, unless it is "
          "[1, 1, 1]."},
-    {.pointer = MEMBER("/surface/labels", "origin"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "origin"),
      .title = "Position of the first pixel",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,0]",
      AT(surface.exr.origin),
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice. Requires slices."},
-    {.pointer = MEMBER("/surface/labels", "grid"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "grid"),
      .title = "Name of the grid",
-     .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.labels.grid),
      .prose = "The name of the grid in an OpenVDB file. Optional if there is only one of whole numbers."},
-    {.pointer = MEMBER("/surface/labels", "labels"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "labels"),
      .title = "Labels to sample",
-     .type = SPEC_TYPE_INTEGERS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT(surface.labels.only),
      .prose = "The labels to sample; all others are background. Default: all."},
-    {.pointer = MEMBER("/surface/labels", "smooth"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "smooth"),
      .title = "Smoothing",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 24,
      .otherwise = "8",
@@ -618,9 +580,8 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose = "The cut-off wavelength of the smoothing: shorter steps are smoothed, and no vertex "
               "moves by more than half a voxel along an axis. 0: no smoothing."},
-    {.pointer = MEMBER("/surface/labels", "majority"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "majority"),
      .title = "Majority filter",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = SPEC_MAJORITY_MAX,
      .otherwise = "0",
@@ -633,9 +594,8 @@ const spec_row spec_rows[] = {
               "detail that they cannot resolve; wide filters take minutes. Weights preserve the "
               "volume of each label; parts that are thinner than the rest of their label, and "
               "specks with a radius below this, shrink or vanish. 0: no filter."},
-    {.pointer = MEMBER("/surface/labels", "background"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "background"),
      .title = "Background label",
-     .type = SPEC_TYPE_LARGE,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.background, surface.labels.has_background),
@@ -643,44 +603,39 @@ const spec_row spec_rows[] = {
          "The background label. It is listed second in each interface, so normals point into it. "
          "Default: none; 0 is then a label like any other. `labels` and closed need a background: then the "
          "default is 0 if `labels` is given without 0, and otherwise one less than the lowest label, at most -1."},
-    {.pointer = MEMBER("/surface/labels", "closed"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "closed"),
      .title = "Close at the border",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(surface.labels.closed),
      .prose =
          "true: beyond the end of the data is background, and the end an interface with it. false: the interfaces "
          "end there."},
-    {.pointer = MEMBER("/surface/labels", "groups"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "groups"),
      .title = "Groups of labels",
-     .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.groups, surface.labels.group_count),
      .prose = "Labels to unite, each list under its first label: [[3, 4], [7, 8, 9]]."},
-    {.pointer = MEMBER("/surface/labels", "interfaces"),
+    {.pointer = MEMBER(ADVANCED, "/surface/labels", "interfaces"),
      .title = "Pairs of labels",
-     .type = SPEC_TYPE_LISTS,
      .low = -PRECISION_WHOLE_MOST,
      .high = PRECISION_WHOLE_MOST,
      AT_HAS(surface.labels.interfaces, surface.labels.interface_count),
      .prose = "The pairs of labels whose interfaces are sampled: [[1, 2], [2, 3]]. Default: all."},
 
-    {.pointer = MEMBER("/surface", "exr"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "exr"),
      .title = "Stack of OpenEXR images",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A stack of OpenEXR images as a dense volume. The surface is where the volume has the "
               "isovalue; larger values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin "
               "+ voxel_size (x, y, k). Rows count downwards in the image. Pixels are numbered by the data "
               "window, not by the display window. The volume covers the data windows of all slices; a "
               "pixel outside the data window of its slice is 0. In tiled files with levels, the "
               "full-resolution level is read. Deep images are refused."},
-    {.pointer = MEMBER("/surface/exr", "path"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "path"),
      .title = "Files",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -688,32 +643,28 @@ const spec_row spec_rows[] = {
      .prose =
          "The files, with #### (at least as many digits), %04d or $F4 in place of the slice number. They "
          "must lie below one of the service's input roots."},
-    {.pointer = MEMBER("/surface/exr", "slices"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "slices"),
      .title = "Numbers of the slices",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
      .prose = "The slices: \"1-93\", or every second one: \"1-93x2\". At least 2, at most 65536."},
-    {.pointer = MEMBER("/surface/exr", "part"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "part"),
      .title = "Name of the part",
-     .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
      .prose = "The name of the part. Optional if only one part has the channel."},
-    {.pointer = MEMBER("/surface/exr", "channel"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "channel"),
      .title = "Name of the channel",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(surface.exr.channel),
      .prose = "The name of the channel including its layer, such as \"density\" or \"fog.Y\". Optional if "
               "there is only one."},
-    {.pointer = MEMBER("/surface/exr", "voxel_size"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "voxel_size"),
      .title = "Size of a voxel",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -721,32 +672,29 @@ const spec_row spec_rows[] = {
      AT(surface.exr.voxel_size),
      .unit = "world",
      .prose = "The distance between columns, rows and slices."},
-    {.pointer = MEMBER("/surface/exr", "origin"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "origin"),
      .title = "Position of the first pixel",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,0]",
      AT(surface.exr.origin),
      .unit = "world",
      .prose = "The position of pixel (0, 0) of the first slice."},
-    {.pointer = MEMBER("/surface/exr", "isovalue"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "isovalue"),
      .title = "Value on the surface",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -1e30,
      .high = 1e30,
      AT(surface.exr.isovalue),
      .unit = "the channel's",
      .prose = "The value on the surface. The surface is open where it meets the end of the data."},
-    {.pointer = MEMBER("/surface/exr", "reconstruction"),
+    {.pointer = MEMBER(ADVANCED, "/surface/exr", "reconstruction"),
      .title = "Values between the samples",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.exr.reconstruction),
      .prose = "See /surface/vdb/reconstruction."},
-    {.pointer = MEMBER("/surface", "union"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "union"),
      .title = "Union of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -756,7 +704,7 @@ const spec_row spec_rows[] = {
      .prose = "The union of the solids. Each member is a surface and may itself be a combination. The result "
               "has a sharp edge where two surfaces meet. An empty member, such as the intersection of solids "
               "that do not overlap, is skipped with a warning."},
-    {.pointer = MEMBER("/surface", "intersection"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "intersection"),
      .title = "Intersection of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -764,7 +712,7 @@ const spec_row spec_rows[] = {
      .high = 64,
      UNSTORED,
      .prose = "The intersection of the solids."},
-    {.pointer = MEMBER("/surface", "difference"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "difference"),
      .title = "Difference of solids",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
@@ -773,51 +721,47 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "The first solid without the others. An empty solid among the others is skipped with "
               "a warning."},
-    {.pointer = MEMBER("/surface", "offset"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "offset"),
      .title = "Offset of a surface",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "A surface at a constant distance from another one. The other surface must have "
               "distances: level sets, meshes, and formulas except ellipsoid, quartic and gyroid; "
               "also combinations of these, and transforms that preserve angles. Other surfaces, "
               "such as fog volumes, are refused. Edges "
               "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
-    {.pointer = MEMBER("/surface/offset", "surface"),
+    {.pointer = MEMBER(ADVANCED, "/surface/offset", "surface"),
      .title = "Surface to offset",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to offset."},
-    {.pointer = MEMBER("/surface/offset", "distance"),
+    {.pointer = MEMBER(ADVANCED, "/surface/offset", "distance"),
      .title = "Distance outwards",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(surface.distance),
      .unit = "world",
      .prose = "The distance. Positive is outwards, negative is inwards."},
-    {.pointer = MEMBER("/surface", "transform"),
+    {.pointer = MEMBER(ADVANCED, "/surface", "transform"),
      .title = "Transformed surface",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
-     UNSTORED,
+     HAS_MEMBERS,
      .prose =
          "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. The boundaries "
          "of an open surface are parallel to the world axes, so its matrix may only exchange, flip and "
          "scale axes, and translate. With features, and for an open mesh, any matrix is allowed."},
-    {.pointer = MEMBER("/surface/transform", "surface"),
+    {.pointer = MEMBER(ADVANCED, "/surface/transform", "surface"),
      .title = "Surface to transform",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
      .prose = "The surface to transform."},
-    {.pointer = MEMBER("/surface/transform", "matrix"),
+    {.pointer = MEMBER(ADVANCED, "/surface/transform", "matrix"),
      .title = "Matrix, row by row",
-     .type = SPEC_TYPE_NUMBERS,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
@@ -825,44 +769,37 @@ const spec_row spec_rows[] = {
      .prose = "An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, "
               "0, 1."},
 
-    {.pointer = MEMBER("", "region"),
+    {.pointer = MEMBER(ADVANCED, "", "region"),
      .title = "Part of the surface to sample",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_region),
+     HAS_MEMBERS_IF(has_region),
      .prose =
          "Only the part of the surface inside this box, or inside another surface, is sampled. Where the box cuts the "
          "surface, the surface is open and points lie along the cut. The scale of curvature still comes from "
          "the bounding box of the whole surface."},
-    {.pointer = MEMBER("/region", "inside"),
+    {.pointer = MEMBER(ADVANCED, "/region", "inside"),
      .title = "Inside of a surface",
-     .type = SPEC_TYPE_SURFACE,
      .choice = SPEC_CHOICE_REGION,
-     .offset = offsetof(spec, region_inside),
-     .has = SPEC_NOWHERE,
+     AT(region_inside),
      .prose = "The surface whose inside is the region. Points are placed exactly on the cut and, "
               "as with features, on the sharp edges of the sampled surface."},
-    {.pointer = MEMBER("/region", "min"),
+    {.pointer = MEMBER(ADVANCED, "/region", "min"),
      .title = "Lowest corner",
-     .type = SPEC_TYPE_VECTOR,
      .choice = SPEC_CHOICE_REGION,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(region.min),
      .unit = "world",
      .prose = "The lowest corner."},
-    {.pointer = MEMBER("/region", "max"),
+    {.pointer = MEMBER(ADVANCED, "/region", "max"),
      .title = "Highest corner",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(region.max),
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
-    {.pointer = MEMBER("", "features"),
+    {.pointer = MEMBER(ADVANCED, "", "features"),
      .title = "Points on sharp edges of formulas and cuts",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(features),
      .prose = "Whether points are placed exactly on the sharp edges of formulas, on the curves "
@@ -871,22 +808,20 @@ const spec_row spec_rows[] = {
               "along their boundaries. For meshes, use /surface/mesh/features."},
 
     GROUP(
-        "", "sampling", SPEC_REQUIRED,
+        BASIC, "", "sampling", SPEC_REQUIRED,
         "The number of points. Give exactly one target (count, spacing, density, control, "
         "resolve or attach) and at most one rule for the spacing (alpha, curvature or grid). feature refines thin "
         "parts, and curve_spacing the surface near curves; both may be combined with curvature or grid."),
-    {.pointer = MEMBER("/sampling", "count"),
+    {.pointer = MEMBER(BASIC, "/sampling", "count"),
      .title = "Number of points",
-     .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
      .low = 4,
      .high = 1e8,
      AT(count),
      .unit = "points",
      .prose = "The exact number of points."},
-    {.pointer = MEMBER("/sampling", "spacing"),
+    {.pointer = MEMBER(BASIC, "/sampling", "spacing"),
      .title = "Distance between points",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
      .low = 0,
@@ -895,9 +830,8 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is "
               "the area."},
-    {.pointer = MEMBER("/sampling", "density"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "density"),
      .title = "Points per unit of area",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_TARGET,
      .low = 0,
@@ -905,9 +839,8 @@ const spec_row spec_rows[] = {
      AT(density),
      .unit = "1/world^2",
      .prose = "The number of points per unit of area."},
-    {.pointer = MEMBER("/sampling", "pattern"),
+    {.pointer = MEMBER(BASIC, "/sampling", "pattern"),
      .title = "Pattern",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PATTERN),
      .otherwise = "\"hexagonal\"",
      AT(pattern),
@@ -918,40 +851,35 @@ const spec_row spec_rows[] = {
          "on opposite walls, whose normals differ by more than 113 degrees. Curves have no points of their own. "
          "blue_noise requires a surface without labels and the defaults of solver.method, init, energy, minimiser and sigma; "
          "excludes control, resolve, attach, alpha, points, curve_spacing, features and queue.coherent."},
-    {.pointer = MEMBER("/sampling", "control"),
+    {.pointer = MEMBER(RESEARCH, "/sampling", "control"),
      .title = "Number of points found as in the paper",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_TARGET,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_control),
+     HAS_MEMBERS_IF(has_control),
      .prose =
          "For reproducing the paper; otherwise use count. Finds the smallest count that is at least "
          "min_count and whose support at the ideal energy is at most max_sigma (section 6.1 of the "
          "paper). Method paper starts with min_count points and inserts and deletes some between rounds. "
          "Method sized computes the count from sigma = sqrt(3) spacing. Works with the methods sized and "
          "paper."},
-    {.pointer = MEMBER("/sampling/control", "min_count"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/control", "min_count"),
      .title = "Fewest points",
-     .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
      .low = 4,
      .high = 1e8,
      AT(control.min_count),
      .unit = "points",
      .prose = "The least number of points."},
-    {.pointer = MEMBER("/sampling/control", "max_sigma"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/control", "max_sigma"),
      .title = "Largest support of the potential",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
      AT(control.max_sigma),
      .unit = "world",
      .prose = "The largest support of the potential. Points are inserted until the support is small enough."},
-    {.pointer = MEMBER("/sampling/control", "start_count"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/control", "start_count"),
      .title = "Points at the start",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e8,
      .otherwise = "0",
@@ -959,18 +887,16 @@ const spec_row spec_rows[] = {
      .unit = "points",
      .prose = "The number of points that paper begins with, at least min_count; 0: min_count. A number "
               "near the result saves rounds. If it is too large, points are deleted."},
-    {.pointer = MEMBER("/sampling/control", "selection"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/control", "selection"),
      .title = "Choice of points to split or delete",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_SELECTION),
      .otherwise = "\"biased\"",
      AT(control.selection),
      .prose = "Which points are split or deleted. biased: points with little energy are more likely to be "
               "split, points with much energy to be deleted. random: all points are equally likely. Only "
               "the method paper inserts and deletes points."},
-    {.pointer = MEMBER("/sampling", "resolve"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "resolve"),
      .title = "As many points as thin parts need",
-     .type = SPEC_TYPE_BOOL,
      .choice = SPEC_CHOICE_TARGET,
      AT(resolve),
      .prose = "true, the only permitted value: hexad chooses the count that resolves the surface, from the "
@@ -978,9 +904,8 @@ const spec_row spec_rows[] = {
               "the count. Requires feature (\"feature\": {} is enough); excludes curvature. A closed mesh is "
               "then sampled on its triangles, including those inside its solids, as with sharp edges "
               "(/surface/mesh/features), and mesh.ply has the topology of the mesh."},
-    {.pointer = MEMBER("/sampling", "attach"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "attach"),
      .title = "Points of an earlier result to place again",
-     .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_TARGET,
      .low = 1,
      .high = 4096,
@@ -991,19 +916,16 @@ const spec_row spec_rows[] = {
          "must have the same vertices and faces in the same order, such as another frame of an animation. "
          "Requires a surface that is a mesh, or has one as a part; excludes all other members of sampling, "
          "output.mesh, output.convergence, output.order, queue.coherent and outcome.require."},
-    {.pointer = MEMBER("/sampling", "feature"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "feature"),
      .title = "Denser at thin parts",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_feature),
+     HAS_MEMBERS_IF(has_feature),
      .prose = "Finer spacing where the surface is thin or opposite walls are close: at most ratio times the "
               "feature size, which is half the thickness, half the gap, or the radius of a thin tube. Convex "
               "edges are not thin. The job fails if the count is too small, and names the count that it "
               "needs. Requires the method sized; excludes alpha."},
-    {.pointer = MEMBER("/sampling/feature", "ratio"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/feature", "ratio"),
      .title = "Largest spacing over the feature size",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1.5,
@@ -1011,63 +933,54 @@ const spec_row spec_rows[] = {
      AT(feature.ratio),
      .prose = "The largest spacing, over the feature size. With 0.75, opposite walls are 2.7 spacings apart; "
               "above 1, they may remain unresolved."},
-    {.pointer = MEMBER("/sampling", "alpha"),
+    {.pointer = MEMBER(RESEARCH, "/sampling", "alpha"),
      .title = "Amplitude of the paper",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_alpha),
+     HAS_MEMBERS_IF(has_alpha),
      .prose = "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa "
               "is multiplied by a length L, so that it does not depend on scale: the longest side of the box "
               "around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
               "states L. Excludes feature and curve_spacing. Requires the method paper, which is then the "
               "default, or witkin-heckbert."},
-    {.pointer = MEMBER("/sampling/alpha", "d"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha", "d"),
      .title = "Exponent",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 16,
      .otherwise = "2",
      AT(alpha.d),
      .prose = "The exponent. A larger one follows the curvature more strongly, one below 1 more weakly."},
-    {.pointer = MEMBER("/sampling/alpha", "gamma"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha", "gamma"),
      .title = "Lower bound of alpha",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
      .otherwise = "0.1",
      AT(alpha.gamma),
      .prose = "The lower bound of alpha, which alpha approaches where the curvature is strong."},
-    {.pointer = MEMBER("/sampling/alpha", "nu"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha", "nu"),
      .title = "Strength on flat parts",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0.001,
      .high = 1000,
      .otherwise = "0.75",
      AT(alpha.nu),
      .prose = "Where the surface is flat, alpha is gamma + 1/nu."},
-    {.pointer = MEMBER("/sampling/alpha", "kappa_max"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha", "kappa_max"),
      .title = "Largest scale-free curvature",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1e6,
      .otherwise = "20",
      AT(alpha.kappa_max),
      .prose = "Larger values of the scale-free curvature are replaced by this one."},
-    {.pointer = MEMBER("/sampling/alpha", "scale"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha", "scale"),
      .title = "Scale of the curvature",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, alpha.has_scale),
+     HAS_MEMBERS_IF(alpha.has_scale),
      .prose = "The distance over which the curvature of the surface is averaged. It measures the "
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: two spacings."},
-    {.pointer = MEMBER("/sampling/alpha/scale", "spacings"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha/scale", "spacings"),
      .title = "Scale in spacings",
-     .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
      .high = 1000,
@@ -1075,9 +988,8 @@ const spec_row spec_rows[] = {
      .unit = "spacings",
      .prose =
          "The distance in spacings of the even packing. 0: the curvature of the field at the point itself."},
-    {.pointer = MEMBER("/sampling/alpha/scale", "world"),
+    {.pointer = MEMBER(RESEARCH, "/sampling/alpha/scale", "world"),
      .title = "Scale in world units",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -1085,18 +997,15 @@ const spec_row spec_rows[] = {
      AT(alpha.scale.world),
      .unit = "world",
      .prose = "The distance in world units."},
-    {.pointer = MEMBER("/sampling", "curvature"),
+    {.pointer = MEMBER(BASIC, "/sampling", "curvature"),
      .title = "Denser where curved",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_curvature),
+     HAS_MEMBERS_IF(has_curvature),
      .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that "
               "it needs as many points as the target. Requires the method sized."},
-    {.pointer = MEMBER("/sampling/curvature", "chord_error"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/curvature", "chord_error"),
      .title = "Largest distance of chords",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_CURVATURE,
      .low = 0,
@@ -1106,9 +1015,8 @@ const spec_row spec_rows[] = {
      .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours "
               "deviates from the surface by chord_error. The report states the nominal error of the "
               "count, and with output.mesh the largest one of the mesh."},
-    {.pointer = MEMBER("/sampling/curvature", "ratio"),
+    {.pointer = MEMBER(BASIC, "/sampling/curvature", "ratio"),
      .title = "Largest over smallest spacing",
-     .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_CURVATURE,
      .low = 1,
      .high = 1000,
@@ -1118,36 +1026,31 @@ const spec_row spec_rows[] = {
               "smaller ratio. The smallest spacing is used on the most curved 1 % of the area, or "
               "on as little as 1/8 % if gradation would otherwise reduce the ratio below 0.8 of "
               "this value."},
-    {.pointer = MEMBER("/sampling/curvature", "exponent"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/curvature", "exponent"),
      .title = "Exponent of the curvature",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
      .high = 100,
      .otherwise = "1",
      AT(curvature.exponent),
      .prose = "How strongly the spacing follows the curvature. Belongs to ratio."},
-    {.pointer = MEMBER("/sampling/curvature", "scale"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/curvature", "scale"),
      .title = "Scale of the curvature",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, curvature.has_scale),
+     HAS_MEMBERS_IF(curvature.has_scale),
      .prose = "The distance over which the curvature of the surface is averaged. It measures the "
               "shape instead of the facets of a mesh or the noise of a scan. Give one of its "
               "members. Default: 4 local spacings."},
-    {.pointer = MEMBER("/sampling/curvature/scale", "spacings"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/curvature/scale", "spacings"),
      .title = "Scale in local spacings",
-     .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
      .high = 1000,
      AT(curvature.scale.spacings),
      .unit = "spacings",
      .prose = "The distance in local spacings. 0: the curvature at the point itself."},
-    {.pointer = MEMBER("/sampling/curvature/scale", "world"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/curvature/scale", "world"),
      .title = "Scale in world units",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_SCALE,
      .low = 0,
@@ -1155,19 +1058,16 @@ const spec_row spec_rows[] = {
      AT(curvature.scale.world),
      .unit = "world",
      .prose = "The distance in world units."},
-    {.pointer = MEMBER("/sampling", "grid"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "grid"),
      .title = "Painted map of spacings",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_grid),
+     HAS_MEMBERS_IF(has_grid),
      .prose =
          "Spacing from a painted map: a scalar grid of an OpenVDB file, or a value of the vertices of a mesh file. The "
          "requested spacing is scaled so that it needs as many points as the target. Requires the method sized."},
-    {.pointer = MEMBER("/sampling/grid", "path"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/grid", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
      AT(grid.path),
@@ -1175,9 +1075,8 @@ const spec_row spec_rows[] = {
          "The file: OpenVDB, or a mesh. Default: that of the surface, which then must be a grid of an OpenVDB file or a "
          "mesh. Any surface may have a map in a file of its own, in world space; a mesh gives each place the value of "
          "the nearest point of its triangles."},
-    {.pointer = MEMBER("/sampling/grid", "name"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/grid", "name"),
      .title = "Name of the grid or value",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1024,
@@ -1186,37 +1085,32 @@ const spec_row spec_rows[] = {
          "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. Of a mesh: the "
          "name of a value of its vertices, as in attributes: a property of a PLY file such as quality, an array of the "
          "points of a VTK or GIfTI file, or color."},
-    {.pointer = MEMBER("/sampling/grid", "component"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/grid", "component"),
      .title = "Component of the value",
-     .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 3,
      AT_HAS(grid.component, grid.has_component),
      .prose =
          "The component of the value of the vertices. Of a color, 0 to 3 are red, green, blue and opacity, from 0 to 1. "
          "Required if the value has several components; only for meshes."},
-    {.pointer = MEMBER("/sampling/grid", "kind"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/grid", "kind"),
      .title = "Meaning of the values",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
      AT(grid.kind),
      .prose =
          "spacing: values are distances between neighbours, above 0. density: values are points per unit of "
          "area; where the density is 0, only max_spacing and gradation determine the points."},
-    {.pointer = MEMBER("/sampling", "points"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "points"),
      .title = "Existing points",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_points),
+     HAS_MEMBERS_IF(has_points),
      .prose =
          "Points that are given, from a file. Each must be within 0.1 spacings of the surface. The target is "
          "the number of all points of the result: with mode keep it includes the given ones. Requires the "
          "method sized; excludes control, resolve, queue.coherent and any solver.init but surface."},
-    {.pointer = MEMBER("/sampling/points", "path"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/points", "path"),
      .title = "File",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -1224,9 +1118,8 @@ const spec_row spec_rows[] = {
      .prose =
          "The file: PLY, or NPZ of NumPy with an array position or points of shape (N, 3). It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Only the positions are read, in world space."},
-    {.pointer = MEMBER("/sampling/points", "mode"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/points", "mode"),
      .title = "Use of the points",
-     .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_POINTS),
      AT(points.mode),
@@ -1235,18 +1128,16 @@ const spec_row spec_rows[] = {
          "themselves around them, and the attribute kept is 1 for them and 0 for the others. refine: the solve "
          "starts with the points, and inserts others between them. avoid: the points are not in the result, "
          "whose points keep the distance from them."},
-    {.pointer = MEMBER("/sampling/points", "distance"),
+    {.pointer = MEMBER(ADVANCED, "/sampling/points", "distance"),
      .title = "Least distance from the given points",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
      AT(points.distance),
      .unit = "world",
      .prose = "The least distance of the result's points from the given points. Required by mode avoid."},
-    {.pointer = MEMBER("/sampling", "curve_spacing"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "curve_spacing"),
      .title = "Spacing along curves",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1,
@@ -1255,9 +1146,8 @@ const spec_row spec_rows[] = {
               "fraction of the spacing around them. Away from the curves it grows by gradation; the count "
               "does not change. It may be combined with curvature, grid or feature. It has no effect on a "
               "surface without curves. Requires the method sized; excludes alpha."},
-    {.pointer = MEMBER("/sampling", "min_spacing"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "min_spacing"),
      .title = "Smallest spacing",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -1267,9 +1157,8 @@ const spec_row spec_rows[] = {
               "without them. feature uses no spacing below it. Default for feature: a "
               "quarter of a voxel; of a cell for a formula; for a mesh with resolve, 1/256 of its longest "
               "side or a quarter of the side of its triangles, more if its area is large."},
-    {.pointer = MEMBER("/sampling", "max_spacing"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "max_spacing"),
      .title = "Largest spacing",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
@@ -1277,9 +1166,8 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The largest spacing. Requires curvature, grid, feature or curve_spacing, and is refused "
               "without them. At least min_spacing."},
-    {.pointer = MEMBER("/sampling", "gradation"),
+    {.pointer = MEMBER(ADVANCED, "/sampling", "gradation"),
      .title = "Growth of the spacing",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
      .high = 10,
@@ -1288,9 +1176,8 @@ const spec_row spec_rows[] = {
      .prose = "The largest increase of the spacing per unit of distance along the surface. Requires "
               "curvature, grid, feature or curve_spacing, and is refused without them."},
 
-    GROUP("", "solver", 0, "How the points are computed."),
-    {.pointer = MEMBER("/solver", "method"),
-     .type = SPEC_TYPE_WORD,
+    GROUP(ADVANCED, "", "solver", 0, "How the points are computed."),
+    {.pointer = MEMBER(RESEARCH, "/solver", "method"),
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_METHOD),
      .otherwise = "\"sized\"",
@@ -1302,8 +1189,7 @@ const spec_row spec_rows[] = {
          "at any time and does not reach the requested count exactly. sampling.alpha requires paper "
          "(then the default) or witkin-heckbert; curvature, grid, feature and curve_spacing require "
          "sized; control requires sized or paper."},
-    {.pointer = MEMBER("/solver", "energy"),
-     .type = SPEC_TYPE_WORD,
+    {.pointer = MEMBER(RESEARCH, "/solver", "energy"),
      WORDS(SPEC_ENERGY),
      .otherwise = "\"cotangent\"",
      .methods = MEYER,
@@ -1311,18 +1197,16 @@ const spec_row spec_rows[] = {
      .prose = "cotangent: equations (6) and (7). gaussian and electrostatic are for comparison, see "
               "section 4. The standard deviation of the Gaussian is a third of the support; the "
               "electrostatic energy is cut off at the support."},
-    {.pointer = MEMBER("/solver", "minimiser"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "minimiser"),
      .title = "Method of minimisation",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MINIMISER),
      .otherwise = "\"lm\"",
      .methods = MEYER,
      AT(minimiser),
      .prose = "lm: Levenberg-Marquardt with one lambda per particle, section 5. gradient: steepest descent "
               "(5) with a fixed step, as in Table 1."},
-    {.pointer = MEMBER("/solver", "step"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "step"),
      .title = "Step of the gradient minimiser",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN | SPEC_DEPENDENT,
      .low = 0,
      .high = 10,
@@ -1332,9 +1216,8 @@ const spec_row spec_rows[] = {
      .unit = "sigma^2",
      .prose = "The step of the gradient minimiser: a factor of the force, in units of sigma^2. The "
               "cotangent energy overshoots above about 0.2. Belongs to gradient."},
-    {.pointer = MEMBER("/solver", "sigma"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "sigma"),
      .title = "Support of the energy",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "0",
@@ -1343,16 +1226,14 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The initial support of the potential. It adapts to the count. 0: computed from count and "
               "area."},
-    {.pointer = MEMBER("/solver", "witkin_heckbert"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "witkin_heckbert"),
      .title = "Parameters of Witkin and Heckbert",
-     .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
-     UNSTORED,
+     HAS_MEMBERS,
      .prose = "Parameters of the method \"witkin-heckbert\", with the symbols and defaults of its paper "
               "(1994). The target radius, sigma_hat, follows from the sampling target."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "alpha"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "alpha"),
      .title = "Amplitude of the repulsion (alpha)",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1000,
@@ -1361,9 +1242,8 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.alpha),
      .prose = "alpha: the amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). It scales "
               "the speed."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "e_hat"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "e_hat"),
      .title = "Energy that particles aim at (E_hat)",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0.01,
      .high = 10,
      .otherwise = "0.8",
@@ -1371,27 +1251,24 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.e_hat),
      .prose = "E_hat divided by alpha: the energy that each particle aims at. A larger one gives a denser "
               "sampling. At 0.8 neighbours are two sigma apart."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "rho"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "rho"),
      .title = "Speed of the radii (rho)",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
      .otherwise = "15",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.rho),
      .prose = "rho: how fast the radius of a particle follows its energy, dD/dt = -rho (D - E_hat)."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "phi"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "phi"),
      .title = "Speed of the return to the surface (phi)",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
      .otherwise = "15",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.phi),
      .prose = "phi: how fast a particle returns to the surface, dF/dt = -phi F: the feedback term of (2)."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "beta"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "beta"),
      .title = "Damping without neighbours (beta)",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1000,
@@ -1400,9 +1277,8 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.beta),
      .prose = "beta: keeps the rate of a radius finite where a particle has no neighbours. In units of 1 / "
               "sigma_i; the paper of 1994 uses 1 / length."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "dt"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "dt"),
      .title = "Time step",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1,
@@ -1412,9 +1288,8 @@ const spec_row spec_rows[] = {
      .unit = "time",
      .prose = "Delta t: the time step of Euler's method. With the other defaults it is unstable above "
               "about 0.07."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "gamma"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "gamma"),
      .title = "Speed near the equilibrium (gamma)",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1e6,
@@ -1423,18 +1298,16 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.gamma),
      .prose = "gamma: a particle slower than gamma sigma_i is near its equilibrium and may be split or "
               "deleted."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "nu"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "nu"),
      .title = "Energy of a split (nu)",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 10,
      .otherwise = "0.2",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.nu),
      .prose = "nu: a particle whose radius exceeds its target is split when its energy exceeds nu E_hat."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "delta"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "delta"),
      .title = "Radius of a deletion (delta)",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 0.99,
      .otherwise = "0.7",
@@ -1442,9 +1315,8 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.delta),
      .prose = "delta: a particle may be deleted when its radius is below delta times its target radius. "
               "The smaller the radius, the more likely."},
-    {.pointer = MEMBER("/solver/witkin_heckbert", "sigma_max"),
+    {.pointer = MEMBER(RESEARCH, "/solver/witkin_heckbert", "sigma_max"),
      .title = "Largest radius",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "0",
@@ -1453,9 +1325,8 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "sigma_max: a particle with a larger radius is always split. 0: the larger of half the "
               "longest side of the surface and 1.5 target radii."},
-    {.pointer = MEMBER("/solver", "init"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "init"),
      .title = "Placement of first points",
-     .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
@@ -1468,43 +1339,38 @@ const spec_row spec_rows[] = {
          "packing has the amplitudes; with the energy cotangent, the minimiser lm and no "
          "sampling.control it is the result, and its sweeps are in the report. Default: sized if "
          "sampling.alpha is given, otherwise surface. sampling.points excludes random and sized."},
-    {.pointer = MEMBER("/solver", "seed"),
+    {.pointer = MEMBER(ADVANCED, "/solver", "seed"),
      .title = "Seed of the random numbers",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992.0,
      .otherwise = "0",
      AT(seed),
      .prose = "The seed of the random numbers. The same spec, seed and build give the same bytes."},
-    {.pointer = MEMBER("/solver", "threads"),
+    {.pointer = MEMBER(ADVANCED, "/solver", "threads"),
      .title = "Number of threads",
-     .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 1024,
      .otherwise = "0",
      AT(threads),
      .prose = "The number of threads; 0: those that the service gives to each worker. The result does not "
               "depend on it."},
-    {.pointer = MEMBER("/solver", "isa"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "isa"),
      .title = "Instruction set",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ISA),
      .otherwise = "\"auto\"",
      AT(isa),
      .prose = "The instruction set of the numerical kernels; auto: the best one that the machine supports. "
               "The result does not depend on it."},
-    {.pointer = MEMBER("/solver", "max_sweeps"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "max_sweeps"),
      .title = "Most sweeps",
-     .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1e6,
      .otherwise = "5000",
      AT(max_sweeps),
      .unit = "sweeps",
      .prose = "The maximum number of sweeps; the solver stops then, converged or not."},
-    {.pointer = MEMBER("/solver", "step_tolerance"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "step_tolerance"),
      .title = "Tolerance of the step",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 1,
@@ -1515,9 +1381,8 @@ const spec_row spec_rows[] = {
          "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement per "
          "unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps and changes "
          "the quality less than another seed."},
-    {.pointer = MEMBER("/solver", "energy_tolerance"),
+    {.pointer = MEMBER(RESEARCH, "/solver", "energy_tolerance"),
      .title = "Tolerance of the energy",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 10,
@@ -1528,15 +1393,14 @@ const spec_row spec_rows[] = {
          "support of the energy (every method except sized). A larger difference is the criterion target_energy of the "
          "outcome not_converged."},
 
-    GROUP("", "outcome", SPEC_OPTIONAL,
+    GROUP(RESEARCH, "", "outcome", SPEC_OPTIONAL,
           "Requirements on the result in addition to the criteria of every job (doc/report.md)."),
-    GROUP("/outcome", "require", SPEC_OPTIONAL,
+    GROUP(RESEARCH, "/outcome", "require", SPEC_OPTIONAL,
           "Bounds on measures of the report. A result that violates one has the outcome unresolved, with "
           "that measure as the criterion."),
 #define REQUIRE(prefix, NAME, word, minimum)                                          \
-    {.pointer = MEMBER("/outcome/require", #word),                                    \
+    {.pointer = MEMBER(RESEARCH, "/outcome/require", #word),                          \
      .title = (minimum) ? "Smallest " #word : "Largest " #word,                       \
-     .type = SPEC_TYPE_NUMBER,                                                        \
      .low = -1,                                                                       \
      .high = 1e6,                                                                     \
      AT_HAS(require[prefix##_##NAME].bound, require[prefix##_##NAME].given),          \
@@ -1545,7 +1409,7 @@ const spec_row spec_rows[] = {
     SPEC_REQUIRE_LIST(REQUIRE, SPEC_REQUIRE)
 #undef REQUIRE
 
-        {.pointer = MEMBER("", "attributes"),
+        {.pointer = MEMBER(BASIC, "", "attributes"),
          .title = "Values at the points",
          .type = SPEC_TYPE_GROUPS,
          .low = 0,
@@ -1554,9 +1418,8 @@ const spec_row spec_rows[] = {
          .prose = "Values from files that are interpolated at the points and written to every output, "
                   "such as temperature, velocity or colours. doc/formats.md lists their names in each "
                   "format."},
-    {.pointer = MEMBER("/attributes", "from"),
+    {.pointer = MEMBER(BASIC, "/attributes", "from"),
      .title = "Source of the values",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
      .otherwise = "\"surface\"",
@@ -1565,9 +1428,8 @@ const spec_row spec_rows[] = {
          "Where the values are. surface: in the file of the surface, of a combined surface in the first of its "
          "files. geometry: in the surface itself. Anything else is the path of an OpenVDB, NRRD, NIfTI or mesh "
          "file in the same space; it moves with the transforms of the surface."},
-    {.pointer = MEMBER("/attributes", "name"),
+    {.pointer = MEMBER(BASIC, "/attributes", "name"),
      .title = "Name in the source",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(attribute.name),
@@ -1579,17 +1441,15 @@ const spec_row spec_rows[] = {
          "on the mesh: source_mesh, source_face, source_corner and source_bary; doc/formats.md), weight (the quadrature "
          "weight: the sum of weight times f approximates the integral of f; excludes sampling.attach and given points "
          "with mode avoid)."},
-    {.pointer = MEMBER("/attributes", "as"),
+    {.pointer = MEMBER(ADVANCED, "/attributes", "as"),
      .title = "Name in the results",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
      AT(attribute.as),
      .prose =
          "The name in the outputs: letters, digits and _. Default: the name, with _ for other characters."},
-    {.pointer = MEMBER("/attributes", "type"),
+    {.pointer = MEMBER(ADVANCED, "/attributes", "type"),
      .title = "Type of the values",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ATTRIBUTE),
      .otherwise = "\"auto\"",
      AT(attribute.type),
@@ -1598,9 +1458,8 @@ const spec_row spec_rows[] = {
          "leave other types unchanged. A color is also written as the colour of the points in each format, "
          "a uv as texture coordinates. auto: int for whole numbers, vector for three components, float for "
          "others; for a mesh, the type of its value."},
-    {.pointer = MEMBER("/attributes", "interpolation"),
+    {.pointer = MEMBER(ADVANCED, "/attributes", "interpolation"),
      .title = "Values between the samples",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INTERPOLATION),
      .otherwise = "\"linear\"",
      AT(attribute.interpolation),
@@ -1608,10 +1467,9 @@ const spec_row spec_rows[] = {
          "Between the samples of a grid. cubic: Catmull and Rom's splines, which go through the samples. Whole "
          "numbers are always those of the nearest sample."},
 
-    GROUP("", "output", 0, "The files to write."),
-    {.pointer = MEMBER("/output", "order"),
+    GROUP(BASIC, "", "output", 0, "The files to write."),
+    {.pointer = MEMBER(ADVANCED, "/output", "order"),
      .title = "Order of the points",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ORDER),
      AT_HAS(order, has_order),
      .prose =
@@ -1620,61 +1478,53 @@ const spec_row spec_rows[] = {
          "spatial: along Morton's curve, so points that are close in the file are close in space. id: "
          "ascending ids; requires queue.coherent. Default: the order of the solver, which may differ from "
          "version to version."},
-    {.pointer = MEMBER("/output", "orient"),
+    {.pointer = MEMBER(ADVANCED, "/output", "orient"),
      .title = "Orientations",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL | SPEC_SWITCH,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_orient),
+     HAS_MEMBERS_IF(has_orient),
      .prose =
          "Whether the points have orient, a unit quaternion x y z w that turns +z to the normal: orient_x, "
          "orient_y, orient_z and orient_w in PLY files, orient in all others. true: by the shortest "
          "turn. An object can add a turn about +z before it, the twist, and replace the normal by the direction up."},
-    {.pointer = MEMBER("/output/orient", "twist"),
+    {.pointer = MEMBER(ADVANCED, "/output/orient", "twist"),
      .title = "Attribute of the twist",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
      AT(orient.twist),
      .prose =
          "The attribute, by its name in the outputs, that gives the twist: a number is an angle in radians; a "
          "vector is the direction to which +x turns, as far as it is tangential."},
-    {.pointer = MEMBER("/output/orient", "seed"),
+    {.pointer = MEMBER(ADVANCED, "/output/orient", "seed"),
      .title = "Seed of random twists",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992,
      AT_HAS(orient.seed, orient.has_seed),
      .prose =
          "The twist is a random angle, computed from this seed and the id of the point (its row, unless it is "
          "a point of a coherent sequence)."},
-    {.pointer = MEMBER("/output/orient", "up"),
+    {.pointer = MEMBER(ADVANCED, "/output/orient", "up"),
      .title = "Fixed direction",
-     .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT_HAS(orient.up, orient.has_up),
      .prose =
          "The direction to which +z turns at every point, in place of the normal: [0, 0, 1] or [0, 1, 0] for trees that "
          "grow straight up on a slope. Normals, if they are written, stay those of the surface."},
-    GROUP("/output", "ply", 0, "Options of points.ply."),
-    {.pointer = MEMBER("/output/ply", "format"),
+    GROUP(ADVANCED, "/output", "ply", 0, "Options of points.ply."),
+    {.pointer = MEMBER(ADVANCED, "/output/ply", "format"),
      .title = "Encoding",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PLY),
      .otherwise = "\"binary_little_endian\"",
      AT(ply_format),
      .prose = "The encoding of points.ply."},
-    {.pointer = MEMBER("/output/ply", "precision"),
+    {.pointer = MEMBER(ADVANCED, "/output/ply", "precision"),
      .title = "Type of the properties",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PRECISION),
      .otherwise = "\"float\"",
      AT(ply_precision),
      .prose = "The type of all properties of points.ply except id."},
-    {.pointer = MEMBER("/output/ply", "properties"),
+    {.pointer = MEMBER(ADVANCED, "/output/ply", "properties"),
      .title = "Columns",
-     .type = SPEC_TYPE_LABELS,
      .flags = SPEC_OR_ONE,
      .low = 0,
      .high = 100,
@@ -1685,27 +1535,23 @@ const spec_row spec_rows[] = {
          "minimal (positions and normals). Default: all that doc/report.md lists, and the attributes; "
          "doc/formats.md has further names. red, green and blue are those of an attribute of colours, else "
          "the colours of alpha or the curvature, with the map of the preview."},
-    {.pointer = MEMBER("/output", "preview"),
+    {.pointer = MEMBER(BASIC, "/output", "preview"),
      .title = "Pictures",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_preview),
+     HAS_MEMBERS_IF(has_preview),
      .part = BUILD_PART_PREVIEW,
      .prose = "The picture preview.png. false: it is not written. true or an object: it is, and preview.exr "
               "if preview_exr is true; the object has the members below."},
-    {.pointer = MEMBER("/output/preview", "size"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "size"),
      .title = "Size",
-     .type = SPEC_TYPE_SIZE,
      .low = 64,
      .high = 8192,
      .otherwise = "[512,512]",
-     AT(preview_width),
+     AT_AS(SPEC_TYPE_SIZE, preview_width),
      .unit = "pixels",
      .prose = "The side of a square image, or [width, height]."},
-    {.pointer = MEMBER("/output/preview", "color"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "color"),
      .title = "What the colours show",
-     .type = SPEC_TYPE_WORD,
      .flags = SPEC_DEPENDENT,
      WORDS(SPEC_COLOR),
      AT(preview_color),
@@ -1715,52 +1561,46 @@ const spec_row spec_rows[] = {
          "shaded by the normals; it excludes range, and map has no effect. Default: alpha if sampling.alpha is given; "
          "spacing if the spacing is graded, in a sequence only with min_spacing and max_spacing, which are "
          "then the range; otherwise shading."},
-    {.pointer = MEMBER("/output/preview", "attribute"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "attribute"),
      .title = "Attribute that the colours show",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
      AT(preview_attribute),
      .prose = "The attribute that the colours show instead of color, by its name in the outputs; "
               "for a vector, its length. An attribute of type color is shown unchanged. Surfaces "
               "with patches also have patch and feature, labels have label_a and label_b."},
-    {.pointer = MEMBER("/output/preview", "range"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "range"),
      .title = "Range of the colours",
-     .type = SPEC_TYPE_NUMBERS,
      .low = -1e300,
      .high = 1e300,
      AT_HAS(preview_range, preview_range_count),
      .prose =
          "The values at both ends of the colours, the lower one first. Requires attribute, or a color other than shading. "
          "Default: the 2nd and the 98th percentile."},
-    {.pointer = MEMBER("/output/preview", "map"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "map"),
      .title = "Colour map",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP_COLORS),
      .otherwise = "\"viridis\"",
      AT(preview_map),
      .prose = "The colours. diverging: from blue through nearly white, the middle of the range, to red."},
-    {.pointer = MEMBER("/output/preview", "channels"),
+    {.pointer = MEMBER(RESEARCH, "/output/preview", "channels"),
      .title = "Channels of preview.exr",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_CHANNELS),
      .otherwise = "\"basic\"",
      AT(preview_channels),
      .prose =
          "The channels of preview.exr. basic: R, G, B, A, Z and id, by which points.ply has the rest of a "
          "point. all: also the place and the normal (P, N), kappa and spacing, in three times as many bytes."},
-    {.pointer = MEMBER("/output/preview", "compression"),
+    {.pointer = MEMBER(RESEARCH, "/output/preview", "compression"),
      .title = "Compression of preview.exr",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COMPRESSION),
      .otherwise = "\"zip\"",
      AT(preview_compression),
      .prose =
          "The compression of preview.exr, always without loss. At 512 x 512 pixels zip, 16 lines at once, gives 0.4 to "
          "1 MB; zips, line by line, a ninth more; rle 2 MB; none 4.2 MB (12.6 with all channels)."},
-    {.pointer = MEMBER("/output/preview", "up"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "up"),
      .title = "Axis that points up",
-     .type = SPEC_TYPE_WORD,
      WORDS(SPEC_UP),
      .otherwise = "\"auto\"",
      AT(preview_up),
@@ -1768,43 +1608,37 @@ const spec_row spec_rows[] = {
               "for STL, 3MF, VTK (.vtk, .vtp) and GIfTI (.gii) meshes and all other surfaces. For an "
               "OBJ, OFF, PLY or STL file, the other axis if the mesh has a flat base along that axis only. "
               "The first part of a combination decides."},
-    {.pointer = MEMBER("/output/preview", "camera"),
-     .type = SPEC_TYPE_GROUP,
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "camera"),
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_camera),
+     HAS_MEMBERS_IF(has_camera),
      .prose = "The camera. Without it, the surface is seen from the right, the front and above, and fills "
               "the image."},
-    {.pointer = MEMBER("/output/preview/camera", "position"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview/camera", "position"),
      .title = "Position of the eye",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(camera.position),
      .unit = "world",
      .prose = "The position of the eye. Points behind it are not visible, also in orthographic images."},
-    {.pointer = MEMBER("/output/preview/camera", "target"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview/camera", "target"),
      .title = "Point in the middle",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(camera.target),
      .unit = "world",
      .prose = "The point in the middle of the image."},
-    {.pointer = MEMBER("/output/preview/camera", "up"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview/camera", "up"),
      .title = "Upward direction",
-     .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_DEPENDENT,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT(camera.up),
      .prose = "The direction that points up in the image; default: the axis of up. It must not be "
               "parallel to the line of sight. A turntable rotates about it."},
-    {.pointer = MEMBER("/output/preview/camera", "fov"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview/camera", "fov"),
      .title = "Angle of view",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
      .low = 0,
@@ -1813,9 +1647,8 @@ const spec_row spec_rows[] = {
      .unit = "radians",
      .prose = "The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic "
               "is given."},
-    {.pointer = MEMBER("/output/preview/camera", "orthographic"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview/camera", "orthographic"),
      .title = "Length shown by a parallel projection",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .choice = SPEC_CHOICE_LENS,
      .low = 0,
@@ -1823,9 +1656,8 @@ const spec_row spec_rows[] = {
      AT(camera.orthographic),
      .unit = "world",
      .prose = "Selects parallel projection: the length that the longer side of the image shows."},
-    {.pointer = MEMBER("/output/preview", "turntable"),
+    {.pointer = MEMBER(ADVANCED, "/output/preview", "turntable"),
      .title = "Pictures of a turntable",
-     .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 360,
      .otherwise = "0",
@@ -1834,67 +1666,57 @@ const spec_row spec_rows[] = {
      .prose = "The number of images of one full rotation around the surface: preview.0001.png and so on; "
               "0: none. The axis is the camera's up direction through its target. Without a camera it is "
               "the axis that is up, through the centre of the points."},
-    {.pointer = MEMBER("/output", "preview_exr"),
+    {.pointer = MEMBER(RESEARCH, "/output", "preview_exr"),
      .title = "preview.exr",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_preview_exr),
      .prose = "Whether to write preview.exr, beside preview.png: the picture with data in each pixel."},
-    {.pointer = MEMBER("/output", "convergence"),
+    {.pointer = MEMBER(RESEARCH, "/output", "convergence"),
      .title = "Table of the convergence",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_convergence),
      .prose = "Whether to write convergence.csv: energy, lambda, step and count of each sweep."},
-    {.pointer = MEMBER("/output", "points_vdb"),
+    {.pointer = MEMBER(BASIC, "/output", "points_vdb"),
      .title = "points.vdb",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VDB]),
      .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
               "spacing) and id (the index of the point in points.ply, from 0)."},
-    {.pointer = MEMBER("/output", "points_npz"),
+    {.pointer = MEMBER(BASIC, "/output", "points_npz"),
      .title = "points.npz",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_NPZ]),
      .prose =
          "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
-    {.pointer = MEMBER("/output", "points_vtp"),
+    {.pointer = MEMBER(BASIC, "/output", "points_vtp"),
      .title = "points.vtp",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_VTP]),
      .prose =
          "Whether to write points.vtp: VTK PolyData with each point as a vertex and an array for each property and "
          "attribute, in double precision."},
-    {.pointer = MEMBER("/output", "points_glb"),
+    {.pointer = MEMBER(BASIC, "/output", "points_glb"),
      .title = "points.glb",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_GLTF]),
      .prose = "Whether to write points.glb: the points as glTF, with normals, colours and all attributes."},
-    {.pointer = MEMBER("/output", "points_usda"),
+    {.pointer = MEMBER(BASIC, "/output", "points_usda"),
      .title = "points.usda",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(points_in[FILE_FORMAT_USD]),
      .prose =
          "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
-    GROUP("/output", "usd", SPEC_OPTIONAL, "Options of points.usda."),
-    {.pointer = MEMBER("/output/usd", "instancer"),
+    GROUP(ADVANCED, "/output", "usd", SPEC_OPTIONAL, "Options of points.usda."),
+    {.pointer = MEMBER(ADVANCED, "/output/usd", "instancer"),
      .title = "Instances of a prototype",
-     .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
-     .offset = SPEC_NOWHERE,
-     .has = offsetof(spec, has_instancer),
+     HAS_MEMBERS_IF(has_instancer),
      .prose =
          "points.usda has a UsdGeomPointInstancer instead of UsdGeomPoints: each point is an instance of a "
          "prototype, with the orientation of output.orient (without it, the shortest turn of +z to the "
          "normal). Requires points_usda."},
-    {.pointer = MEMBER("/output/usd/instancer", "prototype"),
+    {.pointer = MEMBER(ADVANCED, "/output/usd/instancer", "prototype"),
      .title = "USD file of the prototype",
-     .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
@@ -1903,9 +1725,8 @@ const spec_row spec_rows[] = {
          "The path of the USD file whose default prim is the prototype, such as ./rock.usda. It is written as "
          "given; programs that open points.usda resolve a relative path from its directory. hexad "
          "does not open the file."},
-    {.pointer = MEMBER("/output/usd/instancer", "scale"),
+    {.pointer = MEMBER(ADVANCED, "/output/usd/instancer", "scale"),
      .title = "Attribute of the scale",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 63,
      AT(instancer.scale),
@@ -1913,32 +1734,28 @@ const spec_row spec_rows[] = {
          "The attribute, by its name in the outputs, that scales the prototype: a number, or a vector of three "
          "components for its axes. Default: the achieved spacing at the point, so a prototype of size 1 is as "
          "large as the spacing."},
-    {.pointer = MEMBER("/output/usd/instancer", "size"),
+    {.pointer = MEMBER(ADVANCED, "/output/usd/instancer", "size"),
      .title = "Factor of all scales",
-     .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = WORLD_MAX,
      .otherwise = "1",
      AT(instancer.size),
      .prose = "A factor of all scales."},
-    {.pointer = MEMBER("/output", "mesh"),
+    {.pointer = MEMBER(BASIC, "/output", "mesh"),
      .title = "Triangles between the points",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_mesh),
      .prose = "Whether to write mesh.ply: triangles whose vertices are the points, with the order and "
               "properties of points.ply. The member mesh of the report states whether the triangles close "
               "the surface. Excludes sampling.points with mode avoid."},
-    {.pointer = MEMBER("/output", "mesh_usda"),
+    {.pointer = MEMBER(ADVANCED, "/output", "mesh_usda"),
      .title = "mesh.usda",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(mesh_in[FILE_FORMAT_USD]),
      .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
-    {.pointer = MEMBER("/output", "label_meshes"),
+    {.pointer = MEMBER(ADVANCED, "/output", "label_meshes"),
      .title = "A mesh for each label",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_label_meshes),
      .prose =
@@ -1946,9 +1763,8 @@ const spec_row spec_rows[] = {
          "that bounds the label, with outward normals. Such a mesh is closed unless its label reaches the "
          "end of the data, which is an interface with surface.labels.closed. Requires mesh and "
          "surface.labels."},
-    {.pointer = MEMBER("/output", "directory"),
+    {.pointer = MEMBER(ADVANCED, "/output", "directory"),
      .title = "Copy of the results to a directory",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
      AT(directory),
@@ -1956,11 +1772,10 @@ const spec_row spec_rows[] = {
               "output roots. It is created if missing. Files of the same name are replaced. In a sequence, "
               "####, %04d or $F4 stands for the frame number."},
 
-    GROUP("", "limits", 0,
+    GROUP(ADVANCED, "", "limits", 0,
           "The resources that the job may use. 0: the default of the service or of the worker."),
-    {.pointer = MEMBER("/limits", "memory_mb"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "memory_mb"),
      .title = "Memory, MiB",
-     .type = SPEC_TYPE_LARGE,
      .flags = SPEC_OR_ZERO,
      .low = WORKER_MEMORY_LEAST_MB,
      .high = 1 << 24,
@@ -1973,9 +1788,8 @@ const spec_row spec_rows[] = {
          "control group to the service, the kernel kills a worker that uses more, also with limit_memory. "
          "Without a control group, use can briefly exceed the limit: the address space is limited to this "
          "value plus 512 MiB plus 80 MiB for each processor."},
-    {.pointer = MEMBER("/limits", "timeout_s"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "timeout_s"),
      .title = "Time, seconds",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
      .otherwise = "0",
@@ -1983,9 +1797,8 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "The time that the job, or each frame of it, may run, summed over all attempts. Attempts "
               "that the service itself stopped, as for a restart, do not count."},
-    {.pointer = MEMBER("/limits", "stall_s"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "stall_s"),
      .title = "Time without progress, seconds",
-     .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1e7,
      .otherwise = "0",
@@ -1993,9 +1806,8 @@ const spec_row spec_rows[] = {
      .unit = "s",
      .prose = "An attempt without progress for this long is stopped, and tried again up to "
               "max_attempts."},
-    {.pointer = MEMBER("/limits", "max_chunks"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "max_chunks"),
      .title = "Most chunks of an OME-Zarr",
-     .type = SPEC_TYPE_LARGE,
      .low = 1,
      .high = 1e9,
      .otherwise = "100000",
@@ -2003,9 +1815,8 @@ const spec_row spec_rows[] = {
      .unit = "chunks",
      .prose =
          "The maximum number of chunks of an OME-Zarr directory that are read. A region, or a coarser level, needs fewer."},
-    {.pointer = MEMBER("/limits", "image_pixels"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "image_pixels"),
      .title = "Most pixels of an image",
-     .type = SPEC_TYPE_LARGE,
      .low = 1,
      .high = 1 << 30,
      .otherwise = "268435456",
@@ -2014,9 +1825,8 @@ const spec_row spec_rows[] = {
      .prose =
          "The maximum width times height of an image of a mesh (attributes: base_color). A larger one is "
          "refused before it is decoded."},
-    {.pointer = MEMBER("/limits", "image_scans"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "image_scans"),
      .title = "Most scans of a JPEG image",
-     .type = SPEC_TYPE_LARGE,
      .low = 1,
      .high = 100000,
      .otherwise = "500",
@@ -2025,9 +1835,8 @@ const spec_row spec_rows[] = {
      .prose =
          "The maximum number of scans of a progressive JPEG image of a mesh. Usual images have about ten; each "
          "takes the time of a decoding."},
-    {.pointer = MEMBER("/limits", "max_attempts"),
+    {.pointer = MEMBER(ADVANCED, "/limits", "max_attempts"),
      .title = "Most attempts",
-     .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100,
      .otherwise = "0",
@@ -2035,42 +1844,37 @@ const spec_row spec_rows[] = {
      .unit = "attempts",
      .prose = "The maximum number of attempts if the worker crashes."},
 
-    GROUP("", "queue", 0, "The job's place in the queue."),
-    {.pointer = MEMBER("/queue", "priority"),
-     .type = SPEC_TYPE_INTEGER,
+    GROUP(BASIC, "", "queue", 0, "The job's place in the queue."),
+    {.pointer = MEMBER(ADVANCED, "/queue", "priority"),
      .low = -1000,
      .high = 1000,
      .otherwise = "0",
      AT(priority),
      .prose = "Jobs of higher priority run first."},
-    {.pointer = MEMBER("/queue", "labels"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "labels"),
      .title = "Labels to search for",
-     .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
      .otherwise = "[]",
      AT_HAS(labels, label_count),
      .prose = "Words to search for the job by, each 1 to 100 characters long."},
-    {.pointer = MEMBER("/queue", "depends_on"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "depends_on"),
      .title = "After the success of jobs",
-     .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(depends_on, depends_on_count),
      .prose = "Identifiers of jobs that must succeed before this one starts. If one of them does not "
               "succeed, this job fails."},
-    {.pointer = MEMBER("/queue", "after"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "after"),
      .title = "After the end of jobs",
-     .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(after, after_count),
      .prose = "Identifiers of jobs that must end before this one starts, successful or not."},
-    {.pointer = MEMBER("/queue", "after_frames"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "after_frames"),
      .title = "Frame by frame after jobs",
-     .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 100,
      .otherwise = "[]",
@@ -2078,19 +1882,17 @@ const spec_row spec_rows[] = {
      .prose =
          "Identifiers of arrays of the same user with all frames of this job. Each frame of this job starts when the same frame of these "
          "jobs has succeeded with an accepted outcome. If it ends otherwise, the frame of this job fails. Requires frames."},
-    {.pointer = MEMBER("/queue", "accept"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "accept"),
      .title = "Accepted outcomes",
-     .type = SPEC_TYPE_WORDS,
      .otherwise = "[\"converged\",\"unresolved\",\"not_converged\"]",
      WORDS(SPEC_OUTCOME),
-     AT(accept),
+     AT_AS(SPEC_TYPE_WORDS, accept),
      .prose =
          "The outcomes of this job that its users accept; for an array, of each of its frames. A job that names this "
          "one in depends_on or after_frames starts only if this job has such an outcome, and fails otherwise. hexadctl "
          "wait --accept exits with 0 if the outcome is in the list. The state and the outcome of the job do not change."},
-    {.pointer = MEMBER("/queue", "frames"),
+    {.pointer = MEMBER(BASIC, "/queue", "frames"),
      .title = "Numbers of the frames",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = SPEC_FRAMES_LENGTH_MAX,
      AT(frames),
@@ -2099,21 +1901,19 @@ const spec_row spec_rows[] = {
          "first ####, %04d or $F4 in each input path stands for the frame number. At least one input path "
          "must contain one, unless by_frame is given; output.directory must contain one in any case. At "
          "most 100000 frames. \"all\": the frames of all files of the first such path at the submission."},
-    {.pointer = MEMBER("/queue", "by_frame"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "by_frame"),
      .title = "Values that change by frame",
-     .type = SPEC_TYPE_FRAME_VALUES,
      .low = 1,
      .high = 32,
-     AT(has_frame_values),
+     AT_AS(SPEC_TYPE_FRAME_VALUES, has_frame_values),
      .prose =
          "Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of "
          "exactly one value for each frame, {\"/solver/seed\": [1, 2, 3]}, or a ramp, "
          "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}: linear in the frame number, from the "
          "lowest to the highest frame. Only members of surface, region, sampling, solver and output may "
          "change; paths, slices, solver.threads and output.directory may not. At most 10000 frames."},
-    {.pointer = MEMBER("/queue", "files"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "files"),
      .title = "Files of a data set",
-     .type = SPEC_TYPE_FILES,
      .low = 1,
      .high = FRAMES_MOST,
      AT(files),
@@ -2124,9 +1924,8 @@ const spec_row spec_rows[] = {
          "for the name: {\"mesh\": {\"path\": \"{file}\"}}. Frame k has file k, from 0. Names of uploads may be "
          "listed if the path is {file}. Excludes frames, by_frame, coherent and after_frames. At most 100000 files; "
          "the setting max_files of the service may be lower."},
-    {.pointer = MEMBER("/queue", "max_running"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "max_running"),
      .title = "Most frames at once",
-     .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 100000,
      .otherwise = "0",
@@ -2134,9 +1933,8 @@ const spec_row spec_rows[] = {
      .unit = "frames",
      .prose =
          "The maximum number of frames that run at the same time; 0: as many as the service has room for."},
-    {.pointer = MEMBER("/queue", "chunk"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "chunk"),
      .title = "Frames that run one after another",
-     .type = SPEC_TYPE_INTEGER,
      .low = 1,
      .high = 1000,
      .otherwise = "1",
@@ -2145,27 +1943,24 @@ const spec_row spec_rows[] = {
      .prose =
          "The number of consecutive frames that run one after another, as the chunk size of render managers. Each frame has limits, attempts and a result of its own. Above 1 it requires "
          "frames and excludes coherent."},
-    {.pointer = MEMBER("/queue", "coherent"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "coherent"),
      .title = "Points follow the surface",
-     .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
      .prose =
          "Whether each frame starts with the points of the frame before. The points follow the motion of "
          "the surface and keep their ids. Requires frames and the method sized; excludes features, "
          "sampling.points and sampling.alpha."},
-    {.pointer = MEMBER("/queue", "retention_s"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "retention_s"),
      .title = "Time until the results are deleted, seconds",
-     .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 1e10,
      .otherwise = "0",
      AT(retention_s),
      .unit = "s",
      .prose = "How long the job and its results are kept after its end; 0: the service's setting."},
-    {.pointer = MEMBER("/queue", "webhook"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "webhook"),
      .title = "Address to call at the end",
-     .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 2000,
      AT(webhook),
@@ -2174,9 +1969,8 @@ const spec_row spec_rows[] = {
          "allow its host. The service repeats the call until the answer is 2xx or the number of retries is "
          "reached. A receiver may be called more than once for the same end, with the same "
          "webhook-id, and is called again when a retried job ends."},
-    {.pointer = MEMBER("/queue", "slurm"),
+    {.pointer = MEMBER(ADVANCED, "/queue", "slurm"),
      .title = "Options of sbatch",
-     .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
      .otherwise = "[]",
@@ -2288,23 +2082,8 @@ static void print_values(FILE *file, const spec_row *row)
     if (row->unit) fprintf(file, ", %s%s", row->unit, strcmp(row->unit, "world") == 0 ? " units" : "");
     if (row->otherwise) fprintf(file, ", default %s", row->otherwise);
     if (row->flags & SPEC_REQUIRED) fprintf(file, row->shapes ? ", required for its shape" : ", required");
+    if (row->rank != OPTION_BASIC) fprintf(file, ", %s", option_rank_name(row->rank));
     fprintf(file, ")");
-}
-
-/* The prose, indented and broken at spaces to fit a terminal of 80 columns. */
-static void print_prose(FILE *file, const char *prose)
-{
-    enum { width = 76 };
-    while (*prose) {
-        size_t n = strlen(prose);
-        if (n > width) {
-            n = width;
-            while (n > 0 && prose[n] != ' ') n--;
-            if (n == 0) n = strcspn(prose, " ");
-        }
-        fprintf(file, "    %.*s\n", (int)n, prose);
-        prose += n + (prose[n] == ' ');
-    }
 }
 
 /* Whether the row is the member or one of its members. */
@@ -2320,19 +2099,26 @@ static bool belongs_to(const spec_row *row, const char *member)
     return false;
 }
 
+static void print_row(FILE *file, const spec_row *row)
+{
+    fputs(row->pointer, file);
+    print_values(file, row);
+    fputs("\n", file);
+    if (row->title) fprintf(file, "    %s.\n", row->title);
+    help_text_wrap(file, "    ", row->prose);
+    fputs("\n", file);
+}
+
 size_t spec_print_help(FILE *file, const char *member)
 {
+    const option_rank last = member ? OPTION_RESEARCH : OPTION_BASIC;
+    const bool all = !member || strcmp(member, SPEC_HELP_ALL) == 0;
     size_t printed = 0;
-    for (size_t i = 0; i < spec_row_count; i++) {
-        const spec_row *row = &spec_rows[i];
-        if (member && !belongs_to(row, member)) continue;
-        printed++;
-        fputs(row->pointer, file);
-        print_values(file, row);
-        fputs("\n", file);
-        if (row->title) fprintf(file, "    %s.\n", row->title);
-        print_prose(file, row->prose);
-        fputs("\n", file);
-    }
+    for (option_rank rank = OPTION_BASIC; rank <= last; rank++)
+        for (size_t i = 0; i < spec_row_count; i++) {
+            if (spec_rows[i].rank != rank || (!all && !belongs_to(&spec_rows[i], member))) continue;
+            print_row(file, &spec_rows[i]);
+            printed++;
+        }
     return printed;
 }

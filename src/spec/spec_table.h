@@ -11,6 +11,7 @@
 #include <stddef.h>
 
 #include "base/core/build_part.h"
+#include "base/core/help_text.h"
 #include "spec/spec.h"
 
 typedef enum spec_type {
@@ -75,6 +76,7 @@ enum {
 typedef struct spec_row {
     const char *pointer; /* JSON Pointer of the member */
     size_t key_offset;   /* of the last part of the pointer */
+    option_rank rank;    /* of a group: that of its most basic member, or more basic */
     spec_type type;
     unsigned flags;
     spec_choice choice;

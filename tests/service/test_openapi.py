@@ -121,6 +121,8 @@ def test_the_document_is_made_of_the_tables(described, build):
     schema = json.loads(subprocess.run([build / "hexad-worker", "schema"], capture_output=True, check=True).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
     assert described.get("/v1/schema.json").json == schema
+    ranks = {name: member["x-rank"] for name, member in schema["properties"]["sampling"]["properties"].items()}
+    assert (ranks["count"], ranks["max_spacing"], ranks["control"]) == ("basic", "advanced", "research")
     schemas = described.document["components"]["schemas"]
     for name in ("Job", "Answered"):
         spec, surface = schemas[f"{name}Spec"], schemas[f"{name}Surface".removeprefix("Job")]

@@ -138,7 +138,7 @@ def test_wrong_values_of_every_member_are_refused(build, source, tmp_path):
 
 def members_of_specs(build):
     """JSON Pointers of all members."""
-    rows = subprocess.run([build / "hexad-worker", "spec-help"], check=True, capture_output=True, text=True).stdout
+    rows = subprocess.run([build / "hexad-worker", "spec-help", "all"], check=True, capture_output=True, text=True).stdout
     return set(re.findall(r"^(/\S+) \(", rows, re.M))
 
 

@@ -1612,18 +1612,48 @@ static void test_lengths(void **state)
     }
 }
 
-static void test_help_names_every_row(void **state)
+static void test_each_member_has_a_rank_and_its_group_is_as_basic(void **state)
+{
+    (void)state;
+    size_t basic = 0;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *group = &spec_rows[i];
+        assert_in_range(group->rank, OPTION_BASIC, OPTION_RESEARCH);
+        basic += group->rank == OPTION_BASIC;
+        for (const spec_row *row = spec_row_first_below(group); row; row = spec_row_next(row))
+            if (row->rank < group->rank) fail_msg("%s is more basic than its group", row->pointer);
+    }
+    assert_in_range(basic, 25, 35);
+}
+
+static void test_help_names_basic_members_and_all_on_request(void **state)
 {
     (void)state;
     char *text = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&text, &size);
-    spec_print_help(file, NULL);
-    fclose(file);
-    for (size_t i = 0; i < spec_row_count; i++) assert_non_null(strstr(text, spec_rows[i].pointer));
-    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n"))
-        if (strncmp(line, "    ", 4) == 0 && strlen(line) > 80) fail_msg("too long: %s", line);
-    free(text);
+    size_t size = 0, printed[2] = {0}, basic = 0;
+    for (int all = 0; all <= 1; all++) {
+        FILE *file = open_memstream(&text, &size);
+        printed[all] = spec_print_help(file, all ? SPEC_HELP_ALL : NULL);
+        fclose(file);
+        const char *last = text;
+        for (size_t i = 0; i < spec_row_count; i++) {
+            char *head = mem_printf("%s (", spec_rows[i].pointer), *line = mem_printf("\n%s", head);
+            const char *at = strncmp(text, head, strlen(head)) == 0 ? text : strstr(text, line);
+            const bool is_basic = spec_rows[i].rank == OPTION_BASIC;
+            if ((at != NULL) != (all || is_basic)) fail_msg("%s: %s", spec_rows[i].pointer, at ? at : "none");
+            if (is_basic && at > last) last = at;
+            basic += all && is_basic;
+            free(head);
+            free(line);
+        }
+        const char *further = strstr(text, ", advanced)");
+        assert_true(all ? further > last : !further); /* behind the last basic member */
+        for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n"))
+            if (*line == ' ' && strlen(line) > HELP_TEXT_COLUMNS) fail_msg("too long: %s", line);
+        free(text);
+    }
+    assert_int_equal(printed[0], basic);
+    assert_int_equal(printed[1], spec_row_count);
 }
 
 /* The help of a member as text, which the caller frees; `rows` is the number of its paragraphs. */
@@ -1702,7 +1732,8 @@ int main(void)
         cmocka_unit_test(test_members_of_one_default_method_belong_to_all),
         cmocka_unit_test(test_members_of_an_unknown_method_are_not_refused),
         cmocka_unit_test(test_lengths),
-        cmocka_unit_test(test_help_names_every_row),
+        cmocka_unit_test(test_each_member_has_a_rank_and_its_group_is_as_basic),
+        cmocka_unit_test(test_help_names_basic_members_and_all_on_request),
         cmocka_unit_test(test_help_of_one_member_has_it_and_its_members),
     };
     return cmocka_run_group_tests_name("spec", tests, NULL, NULL);
