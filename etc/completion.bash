@@ -1,7 +1,7 @@
-# Completion of hexad, hexadctl and hexad-worker in bash: by what their --help says, so that nothing is missing, and of ids by
-# what the server lists.
+# Completion of hexad, hexadctl and hexad-worker in bash, by what their help says: of an empty word the basic commands and
+# options, of a word with a letter all; and of ids by what the server lists.
 
-# The words that --help gives for --state.
+# The words that the help gives for --state.
 _hexad_states() {
     sed -nE '/^  --state STATES/,/several/ { s/--state STATES|; several.*|,//g; s/ or( |$)/ /; p; }' <<<"$1"
 }
@@ -16,17 +16,17 @@ _hexad_ids() {
 
 _hexad() {
     local word=${COMP_WORDS[COMP_CWORD]} typed=${COMP_WORDS[*]:1:COMP_CWORD-1} help words before=
-    help=$("${COMP_WORDS[0]}" --help 2>/dev/null) || return
+    help=$("${COMP_WORDS[0]}" --help all 2>/dev/null) || return
     if [[ $word == -* ]]; then
+        [[ $word == *[a-z]* ]] || help=$("${COMP_WORDS[0]}" --help)
         words=$(grep -oE -e '--[a-z][a-z_-]*' <<<"$help")
     elif [[ ${COMP_WORDS[COMP_CWORD - 1]} == --state ]]; then
         words=$(_hexad_states "$help")
         [[ $word != *,* ]] || before=${word%,*},
     elif [[ $typed =~ ^[a-z\ -]*$ ]]; then
         # the lines of commands, and of them what may follow the words that are there
-        words=$(sed -nE 's/^  ([a-z].*)/\1/p; s/^([Uu]sage:)? +hexad-worker ([a-z])/\2/p' <<<"$help" |
-            sed -E 's/  .*//; s/, /\n/g' |
-            sed -nE "s/^${typed:+$typed }([a-z][a-z-]*)( .*)?\$/\\1/p")
+        [[ $word$typed ]] || help=$("${COMP_WORDS[0]}" --help)
+        words=$(sed -nE 's/^  ([a-z].*)/\1/p' <<<"$help" | sed -E 's/  .*//' | sed -nE "s/^${typed:+$typed }([a-z][a-z-]*)( .*)?\$/\\1/p")
     fi
     [[ $words || $word == -* || ! $typed ]] || words=$(_hexad_ids "${COMP_WORDS[0]}" "${COMP_WORDS[1]}" "$help")
     mapfile -t COMPREPLY < <(compgen -P "$before" -W "$words" -- "${word#"$before"}" | sort -u)

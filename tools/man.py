@@ -7,8 +7,8 @@
                                           marks for
 
 A help text is made of blocks between empty lines: the usage; lists, whose lines are indented; paragraphs; and one
-that begins with "Exit". hexad.conf(5) is the list of settings at the end of `hexad --help`. What no help text has
-is in PAGES.
+that begins with "Exit". hexad.conf(5) is the list of settings at the end of `hexad --help all`, with a heading for each
+rank. What no help text has is in PAGES.
 """
 import collections
 import pathlib
@@ -93,14 +93,6 @@ def listed(items):
     return "".join(f".TP\n.B {escaped(term)}\n{escaped(text)}\n".replace("\n\n", "\n") for term, text in items)
 
 
-def paragraph(lines):
-    """Lines that begin with a word and a colon are the items of a list."""
-    parts = [" ".join(part.split()) for part in re.split(r"\n(?=[a-z][a-z-]*: )", "\n".join(lines))]
-    if re.match(r"[a-z][a-z-]*: ", parts[0]):
-        return listed([part.split(": ", 1) for part in parts])
-    return ".PP\n".join(escaped(part) + "\n" for part in parts)
-
-
 def header(name, section, about, version):
     version = version.replace("~", "\\(ti")  # a plain ~ is an accent for groff
     return (f'.\\" Written by tools/man.py from what the programs say; `make man` writes it anew.\n'
@@ -109,9 +101,9 @@ def header(name, section, about, version):
 
 def page_of(name, program):
     facts = PAGES[name]
-    help_text = say(program, "--help").partition("\n" + SETTINGS)[0]
+    help_text = say(program, "--help", "all").partition("\n" + SETTINGS)[0]
     usage, *rest = blocks_of(help_text)
-    calls = [re.sub(r"^(usage|Usage):", "", line).strip() for line in usage]
+    calls = [re.sub(r"^usage:", "", line).strip() for line in usage]
     out = header(name, facts["section"], facts["about"], say(program, "--version").strip())
     out += ".SH SYNOPSIS\n.nf\n" + "".join(f"{escaped(call)}\n" for call in calls) + ".fi\n.SH DESCRIPTION\n"
     status = ""
@@ -121,8 +113,7 @@ def page_of(name, program):
         elif block[0].startswith("  "):
             out += listed(items_of(block))
         else:
-            text = paragraph(block)
-            out += ("" if out.endswith("DESCRIPTION\n") or text.startswith(".TP") else ".PP\n") + text
+            out += ("" if out.endswith("DESCRIPTION\n") else ".PP\n") + escaped(" ".join(block)) + "\n"
     out += status
     for title, items in facts["more"]:
         out += f".SH {title}\n" + listed(items)
@@ -130,14 +121,17 @@ def page_of(name, program):
 
 
 def settings_page(program):
-    text = say(program, "--help").partition("\n" + SETTINGS)[2].partition("\n")[2]
+    first, *blocks = blocks_of(say(program, "--help", "all").partition("\n" + SETTINGS)[2])
     out = header("hexad.conf", 5, "settings of hexad", say(program, "--version").strip())
     out += (".SH DESCRIPTION\nA line is a setting,\n.IR \"key \" = \" value\" ,\nor a comment after # or ;. A colon may take the place of =. Each is an"
             " option of\n.BR hexad (8)\nas well, which wins over the file. A setting that is not there has its default.\n"
-            ".SH SETTINGS\n")
-    for block in blocks_of(text):
-        ((term, prose),) = items_of(block)
-        out += listed([(term.removeprefix("--"), prose)])
+            + escaped(first[-1]) + "\n")
+    for block in blocks:
+        if block[0].startswith("  "):
+            ((term, prose),) = items_of(block)
+            out += listed([(term.removeprefix("--"), prose)])
+        else:
+            out += f".SH {block[0].upper()}\n"
     return out + ".SH SEE ALSO\nhexad(8)\n"
 
 

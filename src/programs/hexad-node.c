@@ -33,14 +33,15 @@ int main(int argc, char **argv)
         puts(PACKAGE_STRING);
         return 0;
     }
-    if (argc != 7 || argv[1][0] != '/') {
-        fprintf(stderr,
+    const bool help = argc >= 2 && strcmp(argv[1], "--help") == 0;
+    if (help || argc != 7 || argv[1][0] != '/') {
+        fprintf(help ? stdout : stderr,
                 "usage: hexad-node WORK_DIR/farm JOB TASK OWN SECONDS LIST\n"
                 "Runs attempts that hexad has written there; their names are on standard input. This "
                 "task of\nthe Slurm job runs those of OWN lines, from line TASK * OWN on. For SECONDS it "
                 "also runs attempts of\nother tasks, and those in LIST. Slurm starts this program; see "
                 "doc/farm.md.\n");
-        return 2;
+        return help ? 0 : 2;
     }
     umask(0077); /* jobs and results are private to the service */
     node_task task = {.more_s = strtod(argv[5], NULL), .list = argv[6]};

@@ -17,6 +17,7 @@
 #include "base/core/build_part.h"
 #include "base/core/error.h"
 #include "base/core/frames.h"
+#include "base/core/help_text.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
 #include "base/core/reader.h"
@@ -53,6 +54,9 @@ static const int64_t DEFAULT_MEMORY_MB = 4096;
 #define COMMAND_ATTACH "attach"
 #define COMMAND_SAMPLE "sample"
 
+/* Where texts of the help begin. */
+enum { HELP_COLUMN = 20 };
+
 static volatile sig_atomic_t cancel_requested;
 static int arrays_fd = -1; /* where the result and errors are written as arrays; -1: nowhere */
 
@@ -60,70 +64,6 @@ static void request_cancel(int number)
 {
     cancel_requested = number;
 }
-
-static const char help_text[] =
-    "Usage: hexad-worker sample FILE [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise]\n"
-    "                           [--set /MEMBER=VALUE ...] [--frames FRAMES --frame N] [--name NAME] [--output DIR]\n"
-    "                           [--accept] [option ...]\n"
-    "       hexad-worker run SPEC.json|- --output DIR [option ...]\n"
-    "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
-    "       hexad-worker attach RESULT MESH [MESH ...] --output DIR [option ...]\n"
-    "       hexad-worker inspect FILE [--json] [--preview FILE.png] [option ...]\n"
-    "       hexad-worker make-example FILE.vdb\n"
-    "       hexad-worker energies\n"
-    "       hexad-worker spec-help [MEMBER]\n"
-    "       hexad-worker schema\n"
-    "\n"
-    "sample: from a file to points: samples the first surface that inspect suggests, and writes points.ply, previews,\n"
-    "report.json and the spec (" SAMPLE_SPEC_NAME
-    ") into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
-    "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
-    "previews and report.json into DIR. report.json is written last: it marks the result as complete.\n"
-    "estimate: prints the number of points, the area, and the memory and time that the job needs, as a JSON\n"
-    "object, and writes it into DIR as estimate.json.\n"
-    "attach: places the points of the result in the directory RESULT, which have the attribute source, on another\n"
-    "frame of its mesh (or of its meshes, in the order of the spec), and writes the same files into DIR.\n"
-    "inspect: prints the contents of a volume or mesh file, and specs that sample it; as a JSON object with --json.\n"
-    "--preview samples the first spec and draws the points. --output is optional: inspection.json is written there.\n"
-    "make-example: writes a small level set as an example input.\n"
-    "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
-    "spec-help: lists the members of a job spec with type, range and default; with MEMBER, that member and\n"
-    "those below it. MEMBER is /sampling, sampling/count or count.\n"
-    "schema: the same as a JSON Schema.\n"
-    "\n"
-    "  --output DIR       directory of the results; created if missing (required, except by inspect and sample)\n"
-    "  --count N          sample: the number of points\n"
-    "  --spacing S        sample: the distance between neighbours, instead of their number\n"
-    "  --grade curvature[=RATIO]\n"
-    "                     sample: closer together where the surface is curved, by up to RATIO (default 4)\n"
-    "  --pattern blue_noise\n"
-    "                     sample: without regular order\n"
-    "  --set /MEMBER=VALUE\n"
-    "                     sample: a member of the spec and its value, JSON or a text: --set /output/mesh=true; may be\n"
-    "                     given several times\n"
-    "  --frames FRAMES    sample: the frames of a sequence, such as 1-100, with FILE a pattern such as a.####.obj: its\n"
-    "                     first frame is inspected, and --frame N is sampled\n"
-    "  --name NAME        sample: the name of the job (default: that of FILE)\n"
-    "  --accept           sample: exit with 0 if queue.accept of the spec contains the outcome (default: any outcome)\n"
-    "  --progress         a progress bar on standard error (sample, inspect: by default, if that is a terminal)\n"
-    "  --progress-fd N    progress as JSON lines on descriptor N\n"
-    "  --input-root DIR   input files must be below DIR, which may also be a single file that jobs name\n"
-    "                     without its directory; may be given several times\n"
-    "  --memory-mb N      memory limit of a job without limits.memory_mb (MiB, default 4096)\n"
-    "  --most-memory-mb N\n"
-    "                     the largest limits.memory_mb that messages suggest (default: no maximum)\n"
-    "  --threads N        maximum number of threads, and the number for a job without solver.threads\n"
-    "                     (default: no maximum, and one thread per processor)\n"
-    "  --frame N          the frame of a spec with queue.frames, or the file of one with queue.files, from 0\n"
-    "  --previous DIR     results of the previous frame; a frame with queue.coherent starts from its points\n"
-    "                     (default: the frame is the first of the sequence)\n"
-    "  --sandbox MODE     required: no network, no other programs, and no files outside the input roots and\n"
-    "                     DIR; available: as much of this as the kernel supports; off (default)\n"
-    "  --help, --version\n"
-    "\n"
-    "Exit codes: 0 succeeded with the outcome converged, 10 not_converged, 11 unresolved; 2 bad spec,\n"
-    "3 bad input file, 4 no surface found, 5 limit exceeded, 6 cancelled, 7 disk full or failed,\n"
-    "1 any other error. The last line on standard error of a failed run is a JSON object with code and message.\n";
 
 static worker_exit exit_code_of(error_code code)
 {
@@ -186,14 +126,18 @@ static void leave(const error *e)
     _exit(fail(e, NULL));
 }
 
+/* Values of an option that may be given several times. `item` has space for all words of the command line. */
+typedef struct word_list {
+    const char **item;
+    size_t count;
+} word_list;
+
 typedef struct arguments {
     const char *spec_path, *output, *previous, *preview;
     const char *const *meshes; /* of the command attach */
     size_t mesh_count;
     sample_options sample; /* of the command sample */
-    const char **set;      /* the array of its assignments */
-    const char **roots;
-    size_t root_count;
+    word_list set, roots;
     bool progress, json, accept;
     long arrays_fd, progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
@@ -201,9 +145,85 @@ typedef struct arguments {
 
 static void free_arguments(arguments *a)
 {
-    free(a->roots);
-    free(a->set);
+    free(a->roots.item);
+    free(a->set.item);
 }
+
+typedef enum option_kind {
+    OPTION_FLAG,
+    OPTION_WORD,
+    OPTION_WORDS, /* may be given several times */
+    OPTION_NUMBER,
+    OPTION_SANDBOX
+} option_kind;
+
+static const struct worker_option {
+    option_rank rank;
+    const char *name, *value; /* `value`: as the help names it; NULL: none */
+    option_kind kind;
+    size_t offset;       /* in arguments */
+    const char *command; /* the only command that has it; NULL: all commands with options */
+    const char *text;    /* NULL: not in the help, the library uses it */
+    long low;            /* of numbers */
+} worker_options[] = {
+    {OPTION_BASIC, WORKER_OPTION_OUTPUT, "DIR", OPTION_WORD, offsetof(arguments, output), NULL,
+     .text = "directory of the results; created if missing (required, except by inspect and sample)"},
+    {OPTION_BASIC, "count", "N", OPTION_WORD, offsetof(arguments, sample.count), COMMAND_SAMPLE,
+     .text = "the number of points"},
+    {OPTION_BASIC, "spacing", "S", OPTION_WORD, offsetof(arguments, sample.spacing), COMMAND_SAMPLE,
+     .text = "the distance between neighbours, instead of their number"},
+    {OPTION_BASIC, "grade", "curvature[=RATIO]", OPTION_WORD, offsetof(arguments, sample.grade),
+     COMMAND_SAMPLE, .text = "closer together where the surface is curved, by up to RATIO (default 4)"},
+    {OPTION_BASIC, "pattern", "blue_noise", OPTION_WORD, offsetof(arguments, sample.pattern), COMMAND_SAMPLE,
+     .text = "without regular order"},
+    {OPTION_BASIC, "set", "/MEMBER=VALUE", OPTION_WORDS, offsetof(arguments, set), COMMAND_SAMPLE,
+     .text =
+         "a member of the spec and its value, JSON or a text: --set /output/mesh=true. It may be given several times"},
+    {OPTION_ADVANCED, "frames", "FRAMES", OPTION_WORD, offsetof(arguments, sample.frames), COMMAND_SAMPLE,
+     .text =
+         "the frames of a sequence, such as 1-100, with FILE a pattern such as a.####.obj: its first frame is "
+         "inspected, and --frame N is sampled"},
+    {OPTION_ADVANCED, "name", "NAME", OPTION_WORD, offsetof(arguments, sample.name), COMMAND_SAMPLE,
+     .text = "the name of the job (default: that of FILE)"},
+    {OPTION_ADVANCED, "accept", NULL, OPTION_FLAG, offsetof(arguments, accept), COMMAND_SAMPLE,
+     .text = "exit with 0 if queue.accept of the spec contains the outcome (default: any outcome)"},
+    {OPTION_BASIC, "json", NULL, OPTION_FLAG, offsetof(arguments, json), WORKER_COMMAND_INSPECT,
+     .text = "the inspection as a JSON object"},
+    {OPTION_BASIC, "preview", "FILE.png", OPTION_WORD, offsetof(arguments, preview), WORKER_COMMAND_INSPECT,
+     .text = "samples the first spec and draws the points"},
+    {OPTION_ADVANCED, "progress", NULL, OPTION_FLAG, offsetof(arguments, progress), NULL,
+     .text = "a progress bar on standard error (sample, inspect: by default, if that is a terminal)"},
+    {OPTION_ADVANCED, WORKER_OPTION_PROGRESS_FD, "N", OPTION_NUMBER, offsetof(arguments, progress_fd), NULL,
+     .text = "progress as JSON lines on descriptor N"},
+    {OPTION_ADVANCED, WORKER_OPTION_ARRAYS_FD, "N", OPTION_NUMBER, offsetof(arguments, arrays_fd), NULL,
+     .text = NULL},
+    {OPTION_ADVANCED, WORKER_OPTION_INPUT_ROOT, "DIR", OPTION_WORDS, offsetof(arguments, roots), NULL,
+     .text =
+         "input files must be below DIR, which may also be a single file that jobs name without its directory; may be "
+         "given several times"},
+    {OPTION_BASIC, WORKER_OPTION_MEMORY_MB, "N", OPTION_NUMBER, offsetof(arguments, memory_mb), NULL,
+     .text = "memory limit of a job without limits.memory_mb (MiB, default 4096)",
+     .low = WORKER_MEMORY_LEAST_MB},
+    {OPTION_ADVANCED, WORKER_OPTION_MOST_MEMORY_MB, "N", OPTION_NUMBER, offsetof(arguments, most_memory_mb),
+     NULL, .text = "the largest limits.memory_mb that messages suggest (default: no maximum)",
+     .low = WORKER_MEMORY_LEAST_MB},
+    {OPTION_BASIC, WORKER_OPTION_THREADS, "N", OPTION_NUMBER, offsetof(arguments, threads), NULL,
+     .text =
+         "maximum number of threads. It is the number for a job without solver.threads, too (default: no maximum, and "
+         "one thread per processor)",
+     .low = 1},
+    {OPTION_BASIC, WORKER_OPTION_FRAME, "N", OPTION_NUMBER, offsetof(arguments, frame), NULL,
+     .text = "the frame of a spec with queue.frames, or the file of one with queue.files, from 0"},
+    {OPTION_ADVANCED, WORKER_OPTION_PREVIOUS, "DIR", OPTION_WORD, offsetof(arguments, previous), NULL,
+     .text =
+         "results of the previous frame; a frame with queue.coherent starts from its points (default: the frame is "
+         "the first of the sequence)"},
+    {OPTION_ADVANCED, WORKER_OPTION_SANDBOX, "MODE", OPTION_SANDBOX, offsetof(arguments, sandbox), NULL,
+     .text =
+         "required: no network, no other programs, and no files outside the input roots and DIR; available: as much "
+         "of this as the kernel supports; off (default)"},
+};
+enum { WORKER_OPTION_COUNT = sizeof worker_options / sizeof *worker_options };
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
 {
@@ -275,7 +295,7 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
 /* Sets the error for an option that getopt_long refused. `answer` is its result: ':' for an option without
  * its value; '?' with an optopt for an option with a value that it does not accept; otherwise the option
  * is unknown. */
-static bool refuse_option(int answer, const char *word, const struct option *options, error *e)
+static bool refuse_option(int answer, const char *word, error *e)
 {
     if (answer == ':')
         return error_set(e, ERROR_SPEC_INVALID, "%s requires a value; see hexad-worker --help", word);
@@ -284,132 +304,77 @@ static bool refuse_option(int answer, const char *word, const struct option *opt
                          word);
     const char *name = word + strspn(word, "-");
     nearest_name n = nearest_name_to(name, strcspn(name, "="));
-    for (; options->name; options++) nearest_name_offer(&n, options->name);
+    for (size_t i = 0; i < WORKER_OPTION_COUNT; i++) nearest_name_offer(&n, worker_options[i].name);
     if (n.name)
         return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; did you mean --%s?", word, n.name);
     return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; see hexad-worker --help", word);
 }
 
-/* The options of the command sample, as results of getopt_long. */
-enum {
-    OPTION_COUNT = 256,
-    OPTION_SPACING,
-    OPTION_GRADE,
-    OPTION_PATTERN,
-    OPTION_SET,
-    OPTION_FRAMES,
-    OPTION_NAME,
-    OPTION_ACCEPT
-};
-
-/* Whether the option is one of the command sample; its value is then stored. */
-static bool take_sample_option(int option, arguments *a)
-{
-    if (option == OPTION_COUNT)
-        a->sample.count = optarg;
-    else if (option == OPTION_SPACING)
-        a->sample.spacing = optarg;
-    else if (option == OPTION_GRADE)
-        a->sample.grade = optarg;
-    else if (option == OPTION_PATTERN)
-        a->sample.pattern = optarg;
-    else if (option == OPTION_SET)
-        a->set[a->sample.set_count++] = optarg;
-    else if (option == OPTION_FRAMES)
-        a->sample.frames = optarg;
-    else if (option == OPTION_NAME)
-        a->sample.name = optarg;
-    else if (option == OPTION_ACCEPT)
-        a->accept = true;
-    return option >= OPTION_COUNT;
-}
-
-static bool has_sample_option(const sample_options *o)
-{
-    return o->count || o->spacing || o->grade || o->pattern || o->frames || o->name || o->set_count > 0;
-}
-
 /* Puts "./" before words that begin with a single `-`, as -lead.obj: the worker has no short options, so they are files.
  * The words are never freed. */
-static void name_files(int argc, char **argv, const struct option *options)
+static void name_files(int argc, char **argv)
 {
     bool is_value = false;
     for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++) {
         const bool is_option = strncmp(argv[i], "--", 2) == 0;
         if (!is_value && !is_option && argv[i][0] == '-' && argv[i][1]) argv[i] = mem_printf("./%s", argv[i]);
         is_value = false;
-        for (const struct option *o = options; is_option && o->name; o++)
-            is_value |= o->has_arg && strcmp(argv[i] + 2, o->name) == 0;
+        for (size_t k = 0; is_option && k < WORKER_OPTION_COUNT; k++)
+            is_value |= worker_options[k].value && strcmp(argv[i] + 2, worker_options[k].name) == 0;
     }
+}
+
+/* Stores an option of the command and its value, optarg. */
+static bool take_option(const struct worker_option *o, const char *command, arguments *a, error *e)
+{
+    void *at = (char *)a + o->offset;
+    if (o->command && strcmp(o->command, command) != 0)
+        return error_set(e, ERROR_SPEC_INVALID, "--%s is an option of %s: omit it", o->name, o->command);
+    switch (o->kind) {
+    case OPTION_FLAG:
+        return *(bool *)at = true;
+    case OPTION_WORD:
+        *(const char **)at = optarg;
+        return true;
+    case OPTION_WORDS:
+        ((word_list *)at)->item[((word_list *)at)->count++] = optarg;
+        return true;
+    case OPTION_NUMBER:
+        return parse_number(o->name, optarg, o->low, at, e);
+    case OPTION_SANDBOX:
+        return sandbox_mode_from_name(optarg, at) ||
+               error_set(e, ERROR_SPEC_INVALID, "--sandbox must be required, available or off (given %s)",
+                         optarg);
+    }
+    return false;
+}
+
+static bool take_options(int argc, char **argv, arguments *a, error *e)
+{
+    enum { FIRST = 256 }; /* results of getopt_long that are no characters */
+    struct option options[WORKER_OPTION_COUNT + 1] = {{NULL}};
+    for (int i = 0; i < WORKER_OPTION_COUNT; i++)
+        options[i] =
+            (struct option){worker_options[i].name, worker_options[i].value ? required_argument : no_argument,
+                            NULL, FIRST + i};
+    opterr = 0;
+    for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
+        if (c < FIRST) return refuse_option(c, argv[optind - 1], e);
+        if (!take_option(&worker_options[c - FIRST], argv[0], a, e)) return false;
+        arrays_fd = (int)a->arrays_fd;
+    }
+    a->sample.set = a->set.item;
+    a->sample.set_count = a->set.count;
+    return true;
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
-    static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
-                                            {"progress", no_argument, NULL, 'p'},
-                                            {WORKER_OPTION_PROGRESS_FD, required_argument, NULL, 'f'},
-                                            {WORKER_OPTION_ARRAYS_FD, required_argument, NULL, 'a'},
-                                            {WORKER_OPTION_INPUT_ROOT, required_argument, NULL, 'r'},
-                                            {WORKER_OPTION_MEMORY_MB, required_argument, NULL, 'm'},
-                                            {WORKER_OPTION_MOST_MEMORY_MB, required_argument, NULL, 'M'},
-                                            {WORKER_OPTION_PREVIOUS, required_argument, NULL, 'v'},
-                                            {WORKER_OPTION_THREADS, required_argument, NULL, 't'},
-                                            {WORKER_OPTION_FRAME, required_argument, NULL, 'n'},
-                                            {WORKER_OPTION_SANDBOX, required_argument, NULL, 's'},
-                                            {"json", no_argument, NULL, 'j'},
-                                            {"preview", required_argument, NULL, 'w'},
-                                            {"count", required_argument, NULL, OPTION_COUNT},
-                                            {"spacing", required_argument, NULL, OPTION_SPACING},
-                                            {"grade", required_argument, NULL, OPTION_GRADE},
-                                            {"pattern", required_argument, NULL, OPTION_PATTERN},
-                                            {"set", required_argument, NULL, OPTION_SET},
-                                            {"frames", required_argument, NULL, OPTION_FRAMES},
-                                            {"name", required_argument, NULL, OPTION_NAME},
-                                            {"accept", no_argument, NULL, OPTION_ACCEPT},
-                                            {NULL, 0, NULL, 0}};
     *a = (arguments){.arrays_fd = -1, .progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
-    a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
-    a->set = mem_alloc((size_t)argc * sizeof *a->set);
-    a->sample.set = a->set;
-    opterr = 0;
-    name_files(argc, argv, options);
-    for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
-        if (take_sample_option(c, a)) continue;
-        if (c == 'o')
-            a->output = optarg;
-        else if (c == 'p')
-            a->progress = true;
-        else if (c == 'v')
-            a->previous = optarg;
-        else if (c == 'j')
-            a->json = true;
-        else if (c == 'w')
-            a->preview = optarg;
-        else if (c == 'r')
-            a->roots[a->root_count++] = optarg;
-        else if (c == 'f') {
-            if (!parse_number(WORKER_OPTION_PROGRESS_FD, optarg, 0, &a->progress_fd, e)) return false;
-        } else if (c == 'a') {
-            if (!parse_number(WORKER_OPTION_ARRAYS_FD, optarg, 0, &a->arrays_fd, e)) return false;
-            arrays_fd = (int)a->arrays_fd;
-        } else if (c == 'm') {
-            if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB, &a->memory_mb, e))
-                return false;
-        } else if (c == 'M') {
-            if (!parse_number(WORKER_OPTION_MOST_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB,
-                              &a->most_memory_mb, e))
-                return false;
-        } else if (c == 's') {
-            if (!sandbox_mode_from_name(optarg, &a->sandbox))
-                return error_set(e, ERROR_SPEC_INVALID,
-                                 "--sandbox must be required, available or off (given %s)", optarg);
-        } else if (c == 't') {
-            if (!parse_number(WORKER_OPTION_THREADS, optarg, 1, &a->threads, e)) return false;
-        } else if (c == 'n') {
-            if (!parse_number(WORKER_OPTION_FRAME, optarg, 0, &a->frame, e)) return false;
-        } else
-            return refuse_option(c, argv[optind - 1], options, e);
-    }
+    a->roots.item = mem_alloc((size_t)argc * sizeof *a->roots.item);
+    a->set.item = mem_alloc((size_t)argc * sizeof *a->set.item);
+    name_files(argc, argv);
+    if (!take_options(argc, argv, a, e)) return false;
     bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
     if (strcmp(argv[0], COMMAND_ATTACH) == 0) {
         if (argc - optind < 2 || !a->output)
@@ -427,13 +392,6 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     if (argc - optind != 1 || (!a->output && a->arrays_fd < 0 && !inspects && !samples))
         return error_set(e, ERROR_SPEC_INVALID, "%s requires one %s: see hexad-worker --help", argv[0],
                          inspects || samples ? "FILE" : "SPEC.json (or -) and --output DIR");
-    if (!samples && (a->accept || has_sample_option(&a->sample)))
-        return error_set(
-            e, ERROR_SPEC_INVALID,
-            "--count, --spacing, --grade, --pattern, --set, --frames, --name and --accept are options of sample: omit "
-            "them");
-    if (!inspects && (a->json || a->preview))
-        return error_set(e, ERROR_SPEC_INVALID, "--json and --preview are options of inspect: omit them");
     if (a->preview && build_part_missing(BUILD_PART_PREVIEW))
         return error_set(e, ERROR_NOT_SUPPORTED, "--preview: %s", build_part_missing(BUILD_PART_PREVIEW));
     a->spec_path = argv[optind];
@@ -521,11 +479,11 @@ static void start_timer(double seconds)
 static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous,
                     error *e)
 {
-    const sandbox_places places = {a->roots, a->root_count, a->output};
+    const sandbox_places places = {a->roots.item, a->roots.count, a->output};
     if (spec_file && !(*spec_file = open_spec(a->spec_path, e))) return false;
     if (a->previous && !sequence_open(a->previous, previous, e)) return false;
-    if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
-        !(*roots = store_roots_open(NULL, a->roots, a->root_count, e)))
+    if ((a->roots.count > 0 || a->sandbox != SANDBOX_OFF) &&
+        !(*roots = store_roots_open(NULL, a->roots.item, a->roots.count, e)))
         return false;
     if (a->sandbox == SANDBOX_OFF) return true;
     if (!a->output && a->arrays_fd < 0)
@@ -825,10 +783,15 @@ done:
     return code;
 }
 
-static int make_example(const char *path)
+static int make_example(int argc, char **argv)
 {
     error e = {0};
     store_file file = {0};
+    if (argc != 2) {
+        error_set(&e, ERROR_SPEC_INVALID, "make-example requires one FILE.vdb: see hexad-worker --help");
+        return fail(&e, NULL);
+    }
+    const char *path = argv[1];
     store_file_clear(path); /* left by a killed process */
     bool ok = store_file_begin(path, &file, &e) && example_write(fileno(file.stream), &e) &&
               store_file_commit(&file, &e);
@@ -837,8 +800,9 @@ static int make_example(const char *path)
 }
 
 /* Prints the data of Figure 2: potentials and forces against the distance in units of the support. */
-static int print_energies(void)
+static int print_energies(int argc, char **argv)
 {
+    (void)argc, (void)argv;
     const energy_function *const all[] = {&energy_gaussian, &energy_electrostatic, &energy_cotangent};
     enum { COUNT = sizeof all / sizeof all[0], STEPS = 120 };
     printf("u");
@@ -852,8 +816,9 @@ static int print_energies(void)
     return puts("") < 0;
 }
 
-static int print_schema(void)
+static int print_schema(int argc, char **argv)
 {
+    (void)argc, (void)argv;
     json *schema = json_schema_new(JSON_SCHEMA_ALONE);
     char *text = json_print_pretty(schema);
     bool ok = fputs(text, stdout) >= 0;
@@ -863,36 +828,119 @@ static int print_schema(void)
 }
 
 /* Prints help for a terminal. Unlike the other commands it reports a fault as text. */
-static int print_spec_help(const char *member)
+static int print_spec_help(int argc, char **argv)
 {
-    if (spec_print_help(stdout, member) > 0) return 0;
+    const char *member = argc > 1 ? argv[1] : NULL;
+    const size_t printed = spec_print_help(stdout, member);
+    if (!member)
+        printf(
+            "%zu of %zu members. hexad-worker spec-help all prints every one, spec-help MEMBER those of a group.\n",
+            printed, spec_row_count);
+    if (printed > 0) return 0;
     nearest_name n = nearest_name_to(member, strlen(member));
     for (size_t i = 0; i < spec_row_count; i++) nearest_name_offer(&n, spec_row_key(&spec_rows[i]));
     if (n.name)
         terminal_text_print(stderr, "hexad-worker: unknown member %s; did you mean %s?\n", member, n.name);
     else
         terminal_text_print(
-            stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help for all members\n", member);
+            stderr, "hexad-worker: unknown member %s: run hexad-worker spec-help all for all members\n",
+            member);
     return WORKER_EXIT_SPEC;
+}
+
+static int obey_run(int argc, char **argv)
+{
+    return obey(argc, argv, run);
+}
+
+static int obey_estimate(int argc, char **argv)
+{
+    return obey(argc, argv, estimate);
+}
+
+static const struct worker_command {
+    option_rank rank;
+    const char *name, *arguments;
+    int (*run)(int argc, char **argv); /* argv[0] is the name of the command */
+    const char *text;
+} commands[] = {
+    {OPTION_BASIC, COMMAND_SAMPLE,
+     "FILE [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise] [--set /MEMBER=VALUE]... "
+     "[--frames FRAMES --frame N] [--name NAME] [--output DIR] [--accept]",
+     sample,
+     "from a file to points, without a spec. It samples the first surface that inspect suggests, and writes "
+     "points.ply, previews, report.json and the spec (" SAMPLE_SPEC_NAME
+     ") into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist"},
+    {OPTION_BASIC, WORKER_COMMAND_RUN, "SPEC.json|- --output DIR", obey_run,
+     "samples the surface that SPEC.json describes (-: standard input). It writes points.ply, previews and "
+     "report.json into DIR. report.json is written last: it marks the result as complete"},
+    {OPTION_BASIC, WORKER_COMMAND_ESTIMATE, "SPEC.json|- --output DIR", obey_estimate,
+     "prints the number of points, the area, and the memory and time that the job needs. They are a JSON object, "
+     "which is written into DIR as " WORKER_ESTIMATE_NAME ", too"},
+    {OPTION_BASIC, WORKER_COMMAND_INSPECT, "FILE [--json] [--preview FILE.png]", inspect,
+     "prints the contents of a volume or mesh file, and specs that sample it. --preview samples the first spec and "
+     "draws the points. --output is optional: inspection.json is written there"},
+    {OPTION_ADVANCED, COMMAND_ATTACH, "RESULT MESH... --output DIR", obey_run,
+     "places the points of the result in the directory RESULT, which have the attribute source, on another frame of "
+     "its mesh (or of its meshes, in the order of the spec), and writes the same files into DIR"},
+    {OPTION_BASIC, "make-example", "FILE.vdb", make_example, "writes a small level set as an example input"},
+    {OPTION_RESEARCH, "energies", "", print_energies,
+     "prints the pair potentials and their forces as CSV (the paper's Figure 2)"},
+    {OPTION_BASIC, "spec-help", "[MEMBER | all]", print_spec_help,
+     "lists the basic members of a job spec with type, range and default. With MEMBER, that member and those below "
+     "it; MEMBER is /sampling, sampling/count or count. all: every member"},
+    {OPTION_ADVANCED, "schema", "", print_schema, "prints the members of a job spec as a JSON Schema"},
+};
+enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
+
+static void print_help_of_command(const struct worker_command *c, bool brief)
+{
+    char *term = mem_printf("%s %s", c->name, c->arguments);
+    help_text_item(stdout, HELP_COLUMN, term, c->text, brief);
+    free(term);
+}
+
+static void print_help_of_options(option_rank last)
+{
+    for (size_t i = 0; i < WORKER_OPTION_COUNT; i++) {
+        const struct worker_option *o = &worker_options[i];
+        if (!o->text || o->rank > last) continue;
+        char *term = mem_printf("--%s%s%s", o->name, o->value ? " " : "", o->value ? o->value : "");
+        char *text = mem_printf("%s%s%s", o->command ? o->command : "", o->command ? ": " : "", o->text);
+        help_text_item(stdout, HELP_COLUMN, term, text, last == OPTION_BASIC);
+        free(term);
+        free(text);
+    }
+}
+
+/* Prints what commands and options mean, up to a rank. */
+static int print_help(option_rank last)
+{
+    const bool brief = last == OPTION_BASIC;
+    puts("usage: hexad-worker COMMAND ... [OPTION ...]");
+    for (option_rank rank = OPTION_BASIC; rank <= last; rank++) {
+        puts("");
+        for (size_t i = 0; i < COMMAND_COUNT; i++)
+            if (commands[i].rank == rank) print_help_of_command(&commands[i], brief);
+    }
+    puts("");
+    print_help_of_options(last);
+    help_text_item(stdout, HELP_COLUMN, "--help, --version", "--help all: all commands and options", false);
+    if (!brief)
+        fputs(
+            "\nExit codes: 0 succeeded with the outcome converged, 10 not_converged, 11 unresolved; 2 bad spec,\n"
+            "3 bad input file, 4 no surface found, 5 limit exceeded, 6 cancelled, 7 disk full or failed,\n"
+            "1 any other error. The last line on standard error of a failed run is a JSON object with code and message.\n",
+            stdout);
+    return ferror(stdout) != 0;
 }
 
 static int refuse_command(const char *name)
 {
-    static const char *const names[] = {COMMAND_SAMPLE,
-                                        WORKER_COMMAND_RUN,
-                                        WORKER_COMMAND_ESTIMATE,
-                                        WORKER_COMMAND_INSPECT,
-                                        COMMAND_ATTACH,
-                                        "make-example",
-                                        "energies",
-                                        "schema",
-                                        "spec-help"};
     error e = {0};
     nearest_name n = nearest_name_to(name, strlen(name));
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) nearest_name_offer(&n, names[i]);
-    if (strcmp(name, "make-example") == 0)
-        error_set(&e, ERROR_SPEC_INVALID, "make-example requires one FILE.vdb: see hexad-worker --help");
-    else if (n.name)
+    for (size_t i = 0; i < COMMAND_COUNT; i++) nearest_name_offer(&n, commands[i].name);
+    if (n.name)
         error_set(&e, ERROR_SPEC_INVALID, "unknown command %s; did you mean %s?", name, n.name);
     else
         error_set(&e, ERROR_SPEC_INVALID, "unknown command %s: see hexad-worker --help", name);
@@ -932,17 +980,11 @@ int main(int argc, char **argv)
     if (reads)
         return reads->run ? reads->run(argc - 1, argv + 1)
                           : reader_run_module(reads->module, reads->symbol, argc - 1, argv + 1);
-    if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
-    if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);
-    if (strcmp(name, COMMAND_ATTACH) == 0) return obey(argc - 1, argv + 1, run);
-    if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
-    if (strcmp(name, WORKER_COMMAND_INSPECT) == 0) return inspect(argc - 1, argv + 1);
-    if (strcmp(name, COMMAND_SAMPLE) == 0) return sample(argc - 1, argv + 1);
+    const bool all = argc > 2 && strcmp(argv[2], "all") == 0;
+    if (strcmp(name, "--help") == 0) return print_help(all ? OPTION_RESEARCH : OPTION_BASIC);
+    if (argc > 2 && strcmp(argv[2], "--help") == 0) return print_help(OPTION_RESEARCH);
     if (strcmp(name, "--version") == 0) return puts("hexad-worker " VERSION) < 0;
-    if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
-    if (strcmp(name, "energies") == 0) return print_energies();
-    if (strcmp(name, "schema") == 0) return print_schema();
-    if (strcmp(name, "spec-help") == 0) return print_spec_help(argc > 2 ? argv[2] : NULL);
-    if (strcmp(name, "--help") == 0) return fputs(help_text, stdout) < 0;
+    for (size_t i = 0; i < COMMAND_COUNT; i++)
+        if (strcmp(name, commands[i].name) == 0) return commands[i].run(argc - 1, argv + 1);
     return refuse_command(name);
 }

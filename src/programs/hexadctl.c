@@ -10,6 +10,7 @@
 #include "config.h"
 
 #include "files/token.h"
+#include "base/core/help_text.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
 #include "base/core/terminal_text.h"
@@ -25,121 +26,148 @@
 #define SYSTEM_GROUP "hexad"
 #define STATE_TOKENS HEXAD_STATEDIR "/tokens"
 
-static const char usage[] =
-    "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
-    "\n"
-    "  sample FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]]\n"
-    "       [--pattern blue_noise] [--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR]\n"
-    "       [--accept]\n"
-    "                    from a file to points: send FILE, submit a job with the first spec that inspect\n"
-    "                    suggests, wait, and download the result and the spec (" SAMPLE_SPEC_NAME
-    ") into DIR,\n"
-    "                    which has no files, or into ./NAME for NAME.obj, which does not exist.\n"
-    "                    --on-service: FILE is a path of the service, as in a spec. --count: the number of\n"
-    "                    points; --spacing: their distance; --grade: closer together where the surface is\n"
-    "                    curved, by up to RATIO (default 4); --pattern blue_noise: without regular order;\n"
-    "                    --frames: FILE is a pattern such as a.####.obj, whose first frame is inspected;\n"
-    "                    --accept: see wait\n"
-    "  submit SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES]\n"
-    "       [--files PATTERN] [--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]\n"
-    "                    submit a job and print its ID. --name, --frames, --files and --priority replace the\n"
-    "                    value in the spec; --label and --depends-on add one. --files: one frame for each\n"
-    "                    file of the service that matches, such as 'meshes/*.ply', at {file} in the spec.\n"
-    "                    With KEY, any text, a repeated submission prints the ID of the first one and\n"
-    "                    creates no second job. If the service detects within 0.2 s that the inputs have a\n"
-    "                    fault, submit prints a warning; the exit code stays 0\n"
-    "  attach ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--name NAME] [--priority N]\n"
-    "       [--label LABEL]... [--key KEY]\n"
-    "                    submit a job that places the points of a job (of frame N of an array) on other frames\n"
-    "                    of its meshes; PATH is the path of a mesh as in a spec, one for each mesh of the\n"
-    "                    surface. With #### in PATH the job is an array of FRAMES. --name: the\n"
-    "                    default is that of the job and the word attached\n"
-    "  validate SPEC|-   check a spec as submit would, without submitting it\n"
-    "  estimate SPEC|-   print the points, memory and time that a job requires; of an array, its first frame\n"
-    "  upload FILE...    send files that jobs may read, and print the path of each for use in a spec. ####\n"
-    "                    (or %04d, $F4) in a quoted file name matches all numbers\n"
-    "  uploads           list your uploads, the newest first: name, size, time since the upload and the last\n"
-    "                    use, number of your jobs that read it, and path for use in a spec\n"
-    "  delete-upload FILE... [--all]\n"
-    "                    delete uploads of yours; FILE is a path that upload printed, or the name of the file\n"
-    "                    if only one upload has it. Jobs that have not ended can still read the file. --all:\n"
-    "                    as an administrator, delete it for all users at once; jobs that read it then fail\n"
-    "  inspect PATH      describe a file that jobs may read, and print specs that sample it; PATH is written\n"
-    "                    as in a spec\n"
-    "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME]\n"
-    "       [--until TIME] [--limit N]\n"
-    "                    list the newest jobs of all users; --owner: those of one user; --text: those whose\n"
-    "                    name contains PART, ignoring case; TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC),\n"
-    "                    or an age: 30s, 90m, 2h or 1d\n"
-    "  show ID [--picture FILE.png [--frame N]]\n"
-    "                    print the state, times, attempts and failed frames of a job; all members with\n"
-    "                    --json. --picture writes its preview, or that of the frame N of an array\n"
-    "  attempts ID       list all attempts of a job\n"
-    "  wait ID... [--accept]\n"
-    "                    wait until jobs end and show their progress; the exit status is that of the worst\n"
-    "                    outcome. --accept: an outcome that the job's queue.accept contains counts as 0\n"
-    "  cancel ID... [--yes]\n"
-    "                    cancel waiting and running jobs\n"
-    "  cancel --label LABEL [--owner USER]\n"
-    "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
-    "                    all users\n"
-    "  fetch ID [--frame FRAMES] [--output DIR]\n"
-    "                    download and verify the results, into DIR; by default into ./ID or, if ID is the name\n"
-    "                    of the job and ./NAME is free or has this result, into ./NAME. Of an array all frames, or\n"
-    "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are already complete\n"
-    "                    are not downloaded again: repeat an interrupted fetch. A directory with the result\n"
-    "                    of another job is refused\n"
-    "  fetch --label LABEL [--owner USER] [--output DIR]\n"
-    "                    download all your jobs with this label, or those of USER, into DIR or ./LABEL: each\n"
-    "                    into a directory with its name, or with its ID if several jobs have this name\n"
-    "  log ID [--frame N] [--attempt K]\n"
-    "                    print the log of the last attempt of a job, or of a frame of an array\n"
-    "\n"
-    "  pause ID          start no more attempts of a job; running attempts continue\n"
-    "  resume ID         start attempts of a paused job again\n"
-    "  retry ID... [--dependents]\n"
-    "                    run the tasks of jobs again that have failed, timed out or were cancelled; with\n"
-    "                    --dependents also the jobs that ended as dependency_failed because of them\n"
-    "  deliver ID        copy the results of a job to its output directory again, and wait for the end of\n"
-    "                    the copy; the exit status is 1 when it failed\n"
-    "  delete ID... [--yes]\n"
-    "                    delete jobs that have ended, with their results\n"
-    "  priority ID --priority N\n"
-    "                    change the priority of a job\n"
-    "  watch [ID]        print the events of a job as lines of JSON until it ends; without ID, the new\n"
-    "                    events of all your jobs (as an administrator, of all users)\n"
-    "  workers           list the running attempts, the limits, and why jobs wait\n"
-    "  usage             print the disk space of results and of uploads, in total and for each user, and the\n"
-    "                    bounds\n"
-    "  drain, undrain    drain: accept and start no jobs; undrain: accept and start jobs again\n"
-    "  hold, release     hold: accept jobs but start none, also after a restart; release: start jobs again\n"
-    "  token add USER [--scopes LIST] [--max-priority N] [--file FILE]\n"
-    "                    create a token for the REST interface and print it once; N is the highest\n"
-    "                    priority that the token may give to jobs\n"
-    "  token list [--file FILE]\n"
-    "                    list the tokens\n"
-    "  token revoke ID [--file FILE]\n"
-    "                    revoke a token, with immediate effect\n"
-    "  help [COMMAND]    print this text, or the part about one command\n"
-    "\n"
-    "  --server URL    unix:/path, http://HOST:PORT or https://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
-    "                  unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
-    "                  unix:" STATE_SOCKET "\n"
-    "  ID              the ID of a job; or latest, your newest job; or at least the first 8 characters of\n"
-    "                  an ID, or a name, if only one of your jobs has it. For cancel and delete, all but\n"
-    "                  the whole ID require --yes\n"
-    "  --set /MEMBER=VALUE\n"
-    "                  a member of the spec (hexad-worker spec-help lists them) and its value, JSON or a\n"
-    "                  text: --set /output/mesh=true\n"
-    "  --label LABEL   a word, often of the form key=value\n"
-    "  --state STATES  blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or\n"
-    "                  timed_out; several are separated by commas\n"
-    "  --scopes LIST   one or more of read, submit, cancel, admin; default: read,submit,cancel\n"
-    "  --file FILE     the daemon's token_file; default: " TOKEN_SYSTEM_FILE " (of the service that\n"
-    "                  systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
-    "                  " STATE_TOKENS "\n"
-    "  --json          print the JSON documents of the server\n"
-    "  --help, --version\n"
+/* Where texts of the help begin. */
+enum { HELP_COLUMN = 20 };
+
+typedef enum need { NONE, ONE, FILES, JOB, JOB_FILES, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
+
+static const struct entry {
+    option_rank rank;
+    const char *name;
+    command *run;
+    need argument;
+    const char *arguments; /* with the options of the command; all commands have --server and --json */
+    const char *text;
+} commands[] = {
+    {OPTION_BASIC, "sample", command_sample, ONE,
+     "FILE [--on-service] [--count N | --spacing S] [--grade curvature[=RATIO]] [--pattern blue_noise] "
+     "[--set /MEMBER=VALUE]... [--frames FRAMES] [--name NAME] [--output DIR] [--accept]",
+     "from a file to points: send FILE, sample it, wait, and download the result. The job has the first spec "
+     "that inspect suggests. The result and the spec (" SAMPLE_SPEC_NAME
+     ") are downloaded into DIR, which has no files, or into ./NAME for NAME.obj, which does not exist. "
+     "--on-service: FILE is a path of the service, as in a spec. --count: the number of points; --spacing: their "
+     "distance; --grade: closer together where the surface is curved, by up to RATIO (default 4); --pattern "
+     "blue_noise: without regular order; --frames: FILE is a pattern such as a.####.obj, whose first frame is "
+     "inspected; --accept: see wait"},
+    {OPTION_BASIC, "submit", command_submit, ONE,
+     "SPEC|- [--wait [--accept]] [--set /MEMBER=VALUE]... [--name NAME] [--frames FRAMES] [--files PATTERN] "
+     "[--depends-on ID]... [--priority N] [--label LABEL]... [--key KEY]",
+     "submit a job and print its ID. --name, --frames, --files and --priority replace the value in the spec; "
+     "--label and --depends-on add one. --files: one frame for each file of the service that matches, such as "
+     "'meshes/*.ply', at {file} in the spec. With KEY, any text, a repeated submission prints the ID of the first "
+     "one and creates no second job. If the service detects within 0.2 s that the inputs have a fault, submit "
+     "prints a warning; the exit code stays 0"},
+    {OPTION_ADVANCED, "attach", command_attach, JOB_FILES,
+     "ID PATH... [--frame N] [--frames FRAMES] [--wait [--accept]] [--name NAME] [--priority N] "
+     "[--label LABEL]... [--key KEY]",
+     "submit a job that places the points of a job (of frame N of an array) on other frames of its meshes; PATH "
+     "is the path of a mesh as in a spec, one for each mesh of the surface. With #### in PATH the job is an array "
+     "of FRAMES. --name: the default is that of the job and the word attached"},
+    {OPTION_BASIC, "validate", command_validate, ONE, "SPEC|-",
+     "check a spec as submit would, without submitting it"},
+    {OPTION_BASIC, "estimate", command_estimate, ONE, "SPEC|-",
+     "print the points, memory and time that a job requires; of an array, its first frame"},
+    {OPTION_BASIC, "upload", command_upload, FILES, "FILE...",
+     "send files that jobs may read, and print the path of each for a spec. #### (or %04d, $F4) in a quoted file "
+     "name matches all numbers"},
+    {OPTION_ADVANCED, "uploads", command_uploads, NONE, "",
+     "list your uploads, the newest first: name, size, time since the upload and the last use, number of your "
+     "jobs that read it, and path for use in a spec"},
+    {OPTION_ADVANCED, "delete-upload", command_delete_upload, FILES, "FILE... [--all]",
+     "delete uploads of yours; FILE is a path that upload printed, or the name of the file if only one upload has "
+     "it. Jobs that have not ended can still read the file. --all: as an administrator, delete it for all users "
+     "at once; jobs that read it then fail"},
+    {OPTION_BASIC, "inspect", command_inspect, ONE, "PATH",
+     "describe a file that jobs may read, and print specs that sample it. PATH is written as in a spec"},
+    {OPTION_BASIC, "list", command_list, NONE,
+     "[--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--text PART] [--since TIME] [--until TIME] "
+     "[--limit N]",
+     "list the newest jobs of all users. --owner: those of one user; --text: those whose name contains PART, "
+     "ignoring case; TIME is 2026-01-31T18:00:00Z, 2026-01-31 (UTC), or an age: 30s, 90m, 2h or 1d"},
+    {OPTION_BASIC, "show", command_show, JOB, "ID [--picture FILE.png [--frame N]]",
+     "print the state, times, attempts and failed frames of a job. --json: all members. --picture writes its "
+     "preview, or that of the frame N of an array"},
+    {OPTION_ADVANCED, "attempts", command_attempts, JOB, "ID", "list all attempts of a job"},
+    {OPTION_BASIC, "wait", command_wait, JOBS, "ID... [--accept]",
+     "wait until jobs end and show their progress. The exit status is that of the worst outcome. --accept: an "
+     "outcome that the job's queue.accept contains counts as 0"},
+    {OPTION_BASIC, "cancel", command_cancel, MAYBE_JOBS, "ID... [--yes] | --label LABEL [--owner USER]",
+     "cancel waiting and running jobs. --label: all your unfinished jobs with this label; as an administrator, "
+     "those of all users"},
+    {OPTION_BASIC, "fetch", command_fetch, MAYBE_JOB,
+     "ID [--frame FRAMES] [--output DIR] | --label LABEL [--owner USER] [--output DIR]",
+     "download and verify the results. They are in DIR; by default in ./ID or, if ID is the name of the job and "
+     "./NAME is free or has this result, in ./NAME. Of an array all frames, or FRAMES (7, 1-100, 1-9x2,20), each "
+     "in DIR/FRAME. Files that are already complete are not downloaded again: repeat an interrupted fetch. A "
+     "directory with the result of another job is refused. --label: all your jobs with this label, or those of "
+     "USER, in DIR or ./LABEL: each in a directory with its name, or with its ID if several jobs have this name"},
+    {OPTION_BASIC, "log", command_log, JOB, "ID [--frame N] [--attempt K]",
+     "print the log of the last attempt of a job, or of a frame of an array"},
+    {OPTION_ADVANCED, "pause", command_pause, JOB, "ID",
+     "start no more attempts of a job; running attempts continue"},
+    {OPTION_ADVANCED, "resume", command_resume, JOB, "ID", "start attempts of a paused job again"},
+    {OPTION_ADVANCED, "retry", command_retry, JOBS, "ID... [--dependents]",
+     "run the tasks of jobs again that have failed, timed out or were cancelled; with --dependents also the jobs "
+     "that ended as dependency_failed because of them"},
+    {OPTION_ADVANCED, "deliver", command_deliver, JOB, "ID",
+     "copy the results of a job to its output directory again, and wait for the end of the copy; the exit status "
+     "is 1 when it failed"},
+    {OPTION_BASIC, "delete", command_delete, JOBS, "ID... [--yes]",
+     "delete jobs that have ended, with their results"},
+    {OPTION_ADVANCED, "priority", command_priority, JOB, "ID --priority N", "change the priority of a job"},
+    {OPTION_ADVANCED, "watch", command_watch, MAYBE_JOB, "[ID]",
+     "print the events of a job as lines of JSON until it ends; without ID, the new events of all your jobs (as "
+     "an administrator, of all users)"},
+    {OPTION_BASIC, "workers", command_workers, NONE, "",
+     "list the running attempts, the limits, and why jobs wait"},
+    {OPTION_ADVANCED, "usage", command_usage, NONE, "",
+     "print the disk space of results and of uploads, in total and for each user, and the bounds"},
+    {OPTION_ADVANCED, "drain", command_drain, NONE, "", "accept and start no jobs"},
+    {OPTION_ADVANCED, "undrain", command_undrain, NONE, "", "accept and start jobs again"},
+    {OPTION_ADVANCED, "hold", command_hold, NONE, "", "accept jobs but start none, also after a restart"},
+    {OPTION_ADVANCED, "release", command_release, NONE, "", "start jobs again after hold"},
+    {OPTION_ADVANCED, "token add", command_token_add, ONE,
+     "USER [--scopes LIST] [--max-priority N] [--file FILE]",
+     "create a token for the REST interface and print it once; N is the highest priority that the token may give "
+     "to jobs"},
+    {OPTION_ADVANCED, "token list", command_token_list, NONE, "[--file FILE]", "list the tokens"},
+    {OPTION_ADVANCED, "token revoke", command_token_revoke, ONE, "ID [--file FILE]",
+     "revoke a token, with immediate effect"},
+};
+enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
+
+/* Arguments of several commands. */
+static const struct {
+    option_rank rank;
+    const char *term, *text;
+} explained[] = {
+    {OPTION_BASIC, "help [COMMAND]",
+     "print this text, or all about one command; --help all: about all of them"},
+    {OPTION_BASIC, "--server URL",
+     "unix:/path, http://HOST:PORT or https://HOST:PORT. The default is $HEXAD_SERVER, otherwise "
+     "unix:" SYSTEM_SOCKET " if that exists, otherwise unix:" STATE_SOCKET},
+    {OPTION_BASIC, "ID",
+     "the ID of a job, or latest, your newest job. At least the first 8 characters of an ID, or a name, are "
+     "enough if only one of your jobs has it. For cancel and delete, all but the whole ID require --yes"},
+    {OPTION_BASIC, "--set /MEMBER=VALUE",
+     "a member of the spec and its value, JSON or a text: --set /output/mesh=true. hexad-worker spec-help lists "
+     "the members"},
+    {OPTION_ADVANCED, "--label LABEL", "a word, often of the form key=value"},
+    {OPTION_ADVANCED, "--state STATES",
+     "blocked, queued, paused, running, cancelling, succeeded, failed, cancelled or timed_out; several are "
+     "separated by commas"},
+    {OPTION_ADVANCED, "--scopes LIST",
+     "one or more of read, submit, cancel, admin; default: read,submit,cancel"},
+    {OPTION_ADVANCED, "--file FILE",
+     "the daemon's token_file; default: " TOKEN_SYSTEM_FILE
+     " (of the service that systemd runs) if the group " SYSTEM_GROUP " exists, otherwise " STATE_TOKENS},
+    {OPTION_BASIC, "--json", "print the JSON documents of the server"},
+    {OPTION_ADVANCED, "--help, --version", ""},
+};
+
+static const char usage[] = "usage: hexadctl [--server URL] [--json] COMMAND ...\n";
+
+static const char notes[] =
     "\n"
     "hexadctl sends the token in $HEXAD_TOKEN to a server that requires one. The certificate of an https\n"
     "server must be signed by one in the file $SSL_CERT_FILE or, without that variable, by one that the\n"
@@ -155,50 +183,6 @@ static const char usage[] =
     "not exist, its state does not allow this, or it or a requested frame has no results, 6 the job was\n"
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
-
-typedef enum need { NONE, ONE, FILES, JOB, JOB_FILES, MAYBE_JOB, JOBS, MAYBE_JOBS } need;
-
-static const struct entry {
-    const char *name;
-    command *run;
-    need argument;
-    const char *options; /* the options of the command; all commands have --server and --json */
-} commands[] = {
-    {"sample", command_sample, ONE,
-     "--on-service --count --spacing --grade --pattern --set --frames --name --output --accept"},
-    {"submit", command_submit, ONE,
-     "--wait --accept --set --name --frames --files --depends-on --priority --label --key"},
-    {"attach", command_attach, JOB_FILES, "--name --frame --frames --wait --accept --priority --label --key"},
-    {"validate", command_validate, ONE, ""},
-    {"estimate", command_estimate, ONE, ""},
-    {"upload", command_upload, FILES, ""},
-    {"uploads", command_uploads, NONE, ""},
-    {"delete-upload", command_delete_upload, FILES, "--all"},
-    {"inspect", command_inspect, ONE, ""},
-    {"list", command_list, NONE, "--state --owner --label --name --text --since --until --limit"},
-    {"show", command_show, JOB, "--picture --frame"},
-    {"attempts", command_attempts, JOB, ""},
-    {"wait", command_wait, JOBS, "--accept"},
-    {"cancel", command_cancel, MAYBE_JOBS, "--label --owner --yes"},
-    {"fetch", command_fetch, MAYBE_JOB, "--frame --output --label --owner"},
-    {"log", command_log, JOB, "--frame --attempt"},
-    {"pause", command_pause, JOB, ""},
-    {"resume", command_resume, JOB, ""},
-    {"retry", command_retry, JOBS, "--dependents"},
-    {"deliver", command_deliver, JOB, ""},
-    {"delete", command_delete, JOBS, "--yes"},
-    {"priority", command_priority, JOB, "--priority"},
-    {"watch", command_watch, MAYBE_JOB, ""},
-    {"workers", command_workers, NONE, ""},
-    {"usage", command_usage, NONE, ""},
-    {"drain", command_drain, NONE, ""},
-    {"undrain", command_undrain, NONE, ""},
-    {"hold", command_hold, NONE, ""},
-    {"release", command_release, NONE, ""},
-    {"token add", command_token_add, ONE, "--scopes --max-priority --file"},
-    {"token list", command_token_list, NONE, "--file"},
-    {"token revoke", command_token_revoke, ONE, "--file"},
-};
 
 #define OPTION(name, member)                         \
     {                                                \
@@ -246,6 +230,30 @@ typedef struct line {
     const char *given[64]; /* names of the given options, in their order */
     size_t given_count;
 } line;
+
+static void print_help_of_entry(FILE *file, const struct entry *entry, bool brief)
+{
+    char *term = mem_printf("%s %s", entry->name, entry->arguments);
+    help_text_item(file, HELP_COLUMN, term, entry->text, brief);
+    free(term);
+}
+
+/* Prints what commands, options and arguments mean, up to a rank. */
+static void print_help(FILE *file, option_rank last)
+{
+    const bool brief = last == OPTION_BASIC;
+    fputs(usage, file);
+    for (option_rank rank = OPTION_BASIC; rank <= last; rank++) {
+        fputc('\n', file);
+        for (size_t i = 0; i < COMMAND_COUNT; i++)
+            if (commands[i].rank == rank) print_help_of_entry(file, &commands[i], brief);
+    }
+    fputc('\n', file);
+    for (size_t i = 0; i < sizeof explained / sizeof *explained; i++)
+        if (explained[i].rank <= last)
+            help_text_item(file, HELP_COLUMN, explained[i].term, explained[i].text, brief);
+    if (!brief) fputs(notes, file);
+}
 
 /* The option's value: the text after `=`, or the next word; *index then advances. NULL, after a message, if
  * there is none. */
@@ -348,7 +356,7 @@ static bool refuse_command(const char *group, const char *word)
 {
     char *given = group ? mem_printf("%s %s", group, word) : mem_strdup(word);
     nearest_name n = nearest_name_to(given, strlen(given));
-    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) nearest_name_offer(&n, commands[i].name);
+    for (size_t i = 0; i < COMMAND_COUNT; i++) nearest_name_offer(&n, commands[i].name);
     nearest_name_offer(&n, "token");
     refuse_unknown("command", given, "", &n);
     free(given);
@@ -364,16 +372,6 @@ static const char *hint_of(const char *name)
     return "see hexadctl --help";
 }
 
-/* The argument that a command requires, as its usage names it. */
-static const char *argument_of(const struct entry *entry)
-{
-    if (entry->argument == JOB || entry->argument == JOBS || strcmp(entry->name, "token revoke") == 0)
-        return "ID";
-    if (entry->argument == FILES || strcmp(entry->name, "sample") == 0) return "FILE";
-    if (strcmp(entry->name, "inspect") == 0) return "PATH";
-    return strcmp(entry->name, "token add") == 0 ? "USER" : "SPEC";
-}
-
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
@@ -387,13 +385,13 @@ static bool take_word(line *l, const char *word)
         l->argument[l->argument_count++] = word;
         return true;
     }
-    for (size_t i = 0; i < sizeof commands / sizeof *commands && !l->entry; i++)
+    for (size_t i = 0; i < COMMAND_COUNT && !l->entry; i++)
         if (is_named(&commands[i], l->group, word)) l->entry = &commands[i];
     if (l->entry) return true;
     const char *group = l->group;
     l->group = word;
     size_t length = strlen(word);
-    for (size_t i = 0; i < sizeof commands / sizeof *commands && !group; i++)
+    for (size_t i = 0; i < COMMAND_COUNT && !group; i++)
         if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
     if (strcmp(word, "status") != 0) return refuse_command(group, word);
     fputs(
@@ -402,24 +400,24 @@ static bool take_word(line *l, const char *word)
     return false;
 }
 
-/* Whether a list of words separated by blanks contains the word. */
-static bool has_word(const char *list, const char *word)
+/* Whether the arguments of the command have the option. */
+static bool has_option(const struct entry *entry, const char *option)
 {
-    size_t length = strlen(word);
-    for (const char *at = list; (at = strstr(at, word)); at += length)
-        if ((at == list || at[-1] == ' ') && (!at[length] || at[length] == ' ')) return true;
-    return false;
+    const size_t length = strlen(option);
+    const char *at = strstr(entry->arguments, option);
+    while (at && strspn(at + length, "abcdefghijklmnopqrstuvwxyz-") > 0) at = strstr(at + length, option);
+    return at != NULL;
 }
 
 /* Checks that the command is complete and that all options belong to it. */
 static bool check(const line *l)
 {
     if (!l->entry) {
-        fputs(usage, stderr);
+        print_help(stderr, OPTION_BASIC);
         return false;
     }
     for (size_t i = 0; i < l->given_count; i++) {
-        if (has_word(l->entry->options, l->given[i])) continue;
+        if (has_option(l->entry, l->given[i])) continue;
         terminal_text_print(stderr, "hexadctl %s: this command has no option %s; see hexadctl --help\n",
                             l->entry->name, l->given[i]);
         return false;
@@ -433,49 +431,40 @@ static bool check(const line *l)
         return false;
     }
     if (!needed || l->argument_count) return true;
-    terminal_text_print(stderr, "hexadctl %s: the argument %s is missing; see hexadctl --help\n",
-                        l->entry->name, argument_of(l->entry));
+    terminal_text_print(stderr, "hexadctl %s: the argument %.*s is missing; see hexadctl --help\n",
+                        l->entry->name, (int)strcspn(l->entry->arguments, " .|"), l->entry->arguments);
     return false;
 }
 
-/* Whether a line of the usage begins the text of the command. `name` may be the first of two words, as token.
- * A line may name several commands, separated by commas. */
-static bool begins_command(const char *text, const char *name)
-{
-    size_t length = strlen(name);
-    if (strncmp(text, "  ", 2) != 0 || text[2] < 'a' || text[2] > 'z') return false;
-    for (const char *at = text + 2;; at += 2) {
-        if (strncmp(at, name, length) == 0 && strchr(" ,\n", at[length])) return true;
-        at += strcspn(at, ", \n");
-        if (*at != ',') return false;
-    }
-}
-
-/* Prints the part of the usage about a command. False: there is no such command. */
+/* Prints the help of the command, or of the commands of the group. False: there is none. */
 static bool print_help_of(const char *name)
 {
-    bool shown = false, within = false;
-    for (const char *text = usage; *text; text += strcspn(text, "\n") + 1) {
-        if (strncmp(text, "   ", 3) != 0) within = begins_command(text, name);
-        if (within && !shown) fputs("usage: hexadctl [--server URL] [--json] COMMAND ...\n\n", stdout);
-        if (within) fwrite(text, 1, strcspn(text, "\n") + 1, stdout);
-        shown |= within;
+    const size_t length = strlen(name);
+    bool shown = false;
+    for (size_t i = 0; i < COMMAND_COUNT; i++) {
+        const char *end = commands[i].name + length;
+        if (strncmp(commands[i].name, name, length) != 0 || (*end && *end != ' ')) continue;
+        if (!shown) printf("%s\n", usage);
+        print_help_of_entry(stdout, &commands[i], false);
+        shown = true;
     }
-    if (shown) puts("\nhexadctl --help explains ID, options of all commands, and the exit status.");
+    if (shown) puts("\nhexadctl --help all explains ID, options of all commands, and the exit status.");
     return shown;
 }
 
-/* Prints the part of the usage about the command that the words name, otherwise all of it. Returns an exit
- * code. `asked`: the words are arguments of `help`, which refuses unknown commands. */
-static int print_help(const char *const *word, size_t count, bool asked)
+/* Prints the help of the command that the words name, otherwise of the program. Returns an exit code. `asked`:
+ * the words are arguments of `help`, which refuses unknown commands. */
+static int print_help_for(const char *const *word, size_t count, bool asked)
 {
+    const bool all = count > 0 && strcmp(word[0], "all") == 0;
     char *both = count > 1 ? mem_printf("%s %s", word[0], word[1]) : NULL;
     /* the second word may be an argument of the command */
     bool found = (both && print_help_of(both)) || (count > 0 && print_help_of(word[0]));
     free(both);
     if (found) return COMMAND_OK;
-    if (asked && count > 0) return refuse_command(NULL, word[0]) ? COMMAND_OK : COMMAND_USAGE;
-    return fputs(usage, stdout) >= 0 ? COMMAND_OK : COMMAND_FAILED;
+    if (asked && count > 0 && !all) return refuse_command(NULL, word[0]) ? COMMAND_OK : COMMAND_USAGE;
+    print_help(stdout, all ? OPTION_RESEARCH : OPTION_BASIC);
+    return ferror(stdout) ? COMMAND_FAILED : COMMAND_OK;
 }
 
 /* Whether the command line requests a text only. *code is then the exit code, after printing it. */
@@ -493,7 +482,7 @@ static bool is_print_only(int argc, char **argv, int *code)
         help = help || strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0;
         if (argv[i][0] != '-' && count < 2) word[count++] = argv[i];
     }
-    if (help) *code = print_help(word, count, asked);
+    if (help) *code = print_help_for(word, count, asked);
     return help;
 }
 
@@ -522,7 +511,7 @@ static void set_default_tokens(command_options *options)
  * accepts another name than the whole ID only with --yes. */
 static int resolve_jobs(client *c, const line *l, char **ids)
 {
-    bool final = has_word(l->entry->options, "--yes");
+    bool final = has_option(l->entry, "--yes");
     int code = COMMAND_OK;
     for (size_t i = 0; code == COMMAND_OK && i < l->argument_count; i++) {
         const char *name = l->argument[i];

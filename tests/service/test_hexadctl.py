@@ -387,21 +387,22 @@ def test_usage(run):
     assert many.returncode == 2 and "too many options" in many.stderr
     for word in ("01aaaaaaaaaaaaaaaaaaaaaaaa", "../../etc", ""):
         assert run("show", word).returncode == 4
-    text = run("--help")
+    text = run("--help", "all")
     assert text.returncode == 0 and "Exit status" in text.stdout
-    assert run("help").stdout == text.stdout
+    assert run("help", "all").stdout == text.stdout
+    assert run("help").stdout == run("--help").stdout
     assert run("--version").stdout.startswith("hexadctl ")
 
 
 def test_help_of_a_command_is_about_this_command(run):
-    text = run("--help").stdout
-    commands = re.findall(r"^  ([a-z]+(?:, [a-z]+)*) ", text, re.M)
+    text = run("--help", "all").stdout
+    commands = re.findall(r"^  ([a-z-]+) ", text, re.M)
     assert len(commands) >= 30
-    for command in {name for names in commands for name in names.split(", ")} - {"help"}:
+    for command in set(commands) - {"help"}:
         done = run("help", command)
         assert done.returncode == 0 and run(command, "--help").stdout == done.stdout
-        parts = re.findall(r"^  ([a-z]+(?:, [a-z]+)*) ", done.stdout, re.M)
-        assert parts and all(command in part.split(", ") for part in parts), done.stdout
+        parts = re.findall(r"^  ([a-z-]+) ", done.stdout, re.M)
+        assert parts and all(command == part for part in parts), done.stdout
         assert all(line in text.splitlines() for line in done.stdout.splitlines()[2:-2])
     assert run("help", "token", "add").stdout.count("token") < run("help", "token").stdout.count("token")
     unknown = run("help", "sumbit")
@@ -676,10 +677,11 @@ def test_what_names_no_job_is_answered_with_the_forms_of_a_name(as_user):
 def test_spec_help_of_a_member(build):
     def spec_help(*words):
         return subprocess.run([build / "hexad-worker", "spec-help", *words], capture_output=True, text=True, timeout=PATIENCE_S)
-    assert "(null)" not in spec_help().stdout
+    assert "(null)" not in spec_help("all").stdout
+    assert re.search(r"\n\d+ of \d+ members\. hexad-worker spec-help all prints every one, ", spec_help().stdout)
     done = spec_help("sampling/count")
     assert done.returncode == 0 and done.stdout.startswith("/sampling/count (integer") and done.stdout.count("\n/") == 0
-    for word, told in (("nonsense", ": run hexad-worker spec-help for all members"), ("conut", "; did you mean count?")):
+    for word, told in (("nonsense", ": run hexad-worker spec-help all for all members"), ("conut", "; did you mean count?")):
         done = spec_help(word)
         assert done.returncode == 2 and not done.stdout
         assert done.stderr == f"hexad-worker: unknown member {word}{told}\n"

@@ -360,7 +360,7 @@ def test_less_memory_for_all_jobs_than_for_one_is_warned_of(new_service):
 
 @pytest.mark.sanitized
 def test_help_and_sample(build, source):
-    text = run_hexad(build, "--help").stdout
+    text = run_hexad(build, "--help", "all").stdout
     assert "--listen" in text and "--state_dir" in text and "Default: 3 attempts" in text
     assert run_hexad(build, "--print-config").stdout == pathlib.Path(source / "etc/hexad.conf").read_text()
     assert run_hexad(build, "--version").stdout.startswith("hexad ")

@@ -110,8 +110,7 @@ def of_help(program, text):
     rows = {f"option {program} {word}": [] for word in re.findall(r"(?<![\w-])--[a-z][a-z_-]*", named)}
     exits = re.search(r"Exit (?:codes|status):[^\n]*(?:\n(?!\n).*)*", text)[0]
     rows |= {f"exit {program} {code}": [] for code in re.findall(r"(?<![\w.])(\d+) (?=[a-z])", exits)}
-    listed = {"hexad": "(?!)", "hexad-worker": r"hexad-worker ([a-z-]+)", "hexadctl": r"^  ([a-z][a-z-]*(?:, [a-z][a-z-]*)*) "}[program]
-    return rows | {f"command {program} {word}": [] for words in re.findall(listed, text, re.M) for word in words.split(", ")}
+    return rows | {f"command {program} {word}": [] for word in re.findall(r"^  ([a-z][a-z-]*) ", text, re.M)}
 
 
 def of_header(text):
@@ -131,7 +130,7 @@ def interface(build):
     rows = of_spec(json.loads(say("hexad-worker", "schema"))) | of_settings(say("hexad", "--print-config"))
     rows |= of_header((pathlib.Path(__file__).parents[2] / "include/hexad.h").read_text())
     for program in PROGRAMS:
-        rows |= of_help(program, say(program, "--help"))
+        rows |= of_help(program, say(program, "--help", "all"))
     with tempfile.TemporaryDirectory() as where:
         service = Service(build, where).start()
         try:

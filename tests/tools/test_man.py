@@ -15,8 +15,8 @@ PAGES = {"hexad.8": "hexad", "hexad-worker.1": "hexad-worker", "hexadctl.1": "he
 OPTION = r"--[a-z][a-z_-]*"
 
 
-def help_of(build, program):
-    return subprocess.run([build / program, "--help"], capture_output=True, text=True, check=True).stdout
+def help_of(build, program, *words):
+    return subprocess.run([build / program, "--help", *words], capture_output=True, text=True, check=True).stdout
 
 
 def rendered(path):
@@ -80,10 +80,27 @@ def test_a_text_one_space_after_its_option_is_refused(source, tmp_path):
         assert good or "two spaces" in done.stderr
 
 
+@pytest.mark.parametrize("program", ["hexad", "hexadctl", "hexad-worker", "hexad-node"])
+def test_help_is_short_and_all_of_it_begins_with_what_is_basic(build, program):
+    """Commands and options are the lines with two spaces in front."""
+    short, every = (help_of(build, program, *words).splitlines() for words in ((), ("all",)))
+    assert len(short) <= 40 and all(len(line) <= 100 for line in short)
+    if program == "hexad-node":  # Slurm starts it
+        return
+    basic, terms = ([line.split()[0] for line in lines if re.match("  [a-zA-Z-]", line)] for lines in (short, every))
+    assert "--help all" in "".join(short)
+    for kind in "^[a-z]", "^--":  # commands, options
+        wanted = [term for term in basic if re.match(kind, term) and term != "help"]
+        found = [term for term in terms if re.match(kind, term) and term != "help"]
+        assert set(wanted) < set(found) or not wanted
+        if kind == "^[a-z]":
+            assert found[:len(wanted)] == wanted
+
+
 @pytest.mark.parametrize("page", ["hexad-worker.1", "hexadctl.1"])
 def test_no_option_is_missing(build, source, needs_mandoc, page):
     text = rendered(source / "doc/man" / page)
-    options = set(re.findall(OPTION, help_of(build, PAGES[page])))
+    options = set(re.findall(OPTION, help_of(build, PAGES[page], "all")))
     assert len(options) >= 5
     assert options <= set(re.findall(OPTION, text))
 
@@ -124,19 +141,26 @@ def complete(request, build, source):
 
 
 @pytest.mark.parametrize("program", ["hexad", "hexadctl", "hexad-worker"])
-def test_all_options_are_completed(build, complete, program):
-    assert complete(program, "--") == sorted(set(re.findall(OPTION, help_of(build, program))))
+def test_basic_options_are_completed_and_all_after_a_letter(build, complete, program):
+    basic, every = (set(re.findall(OPTION, help_of(build, program, *words))) for words in ((), ("all",)))
+    assert complete(program, "--") == sorted(basic) and basic < every
+    for letter in {option[2] for option in every}:
+        assert complete(program, f"--{letter}") == sorted(option for option in every if option[2] == letter)
 
 
 def test_all_commands_are_completed(source, complete):
     client = (source / "src/programs/hexadctl.c").read_text()
-    names = re.findall(r'\{"([a-z -]+)", command_', client)
-    assert {"submit", "fetch"} <= set(names)
-    assert set(complete("hexadctl", "")) == {name.split()[0] for name in names} | {"help"}
+    ranks = {name: rank for rank, name in re.findall(r'\{OPTION_(\w+), "([a-z -]+)", command_', client)}
+    names = list(ranks)
+    assert {"submit", "fetch", "retry"} <= set(names)
+    assert set(complete("hexadctl", "")) == {name for name in names if ranks[name] == "BASIC"} | {"help"}
+    for letter in {name[0] for name in names}:
+        assert {name.split()[0] for name in names if name[0] == letter} <= set(complete("hexadctl", letter))
     for group, _, name in (n.partition(" ") for n in names):
         assert not name or name in complete("hexadctl", group, "")
     assert complete("hexadctl", "su") == ["submit"]
     assert {"run", "make-example", "spec-help"} <= set(complete("hexad-worker", ""))
+    assert complete("hexad-worker", "sch") == ["schema"]
     assert complete("hexadctl", "show", "") == []  # without a server no id: nothing but names of files
 
 
