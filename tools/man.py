@@ -66,11 +66,15 @@ def blocks_of(text):
     return [block.rstrip().split("\n") for block in re.split(r"\n\s*\n", text.strip("\n"))]
 
 
-def items_of(lines):
-    """(term, text) of an indented list; texts begin at one column, or on the next line. Lines indented by less continue a
-    term."""
+def column_of(lines):
+    """The column at which texts of lists begin; None: all are on lines of their own."""
     gaps = [m.end() for m in (re.match(r"  \S.*?\s{2,}(?=\S)", line) for line in lines) if m]
-    column = collections.Counter(gaps).most_common(1)[0][0] if gaps else None
+    return collections.Counter(gaps).most_common(1)[0][0] if gaps else None
+
+
+def items_of(lines, column=None):
+    """(term, text) of an indented list; texts begin at the column, or on the next line. Lines indented by less continue a
+    term."""
     items = []
     for line in lines:
         indent = len(line) - len(line.lstrip())
@@ -103,6 +107,7 @@ def page_of(name, program):
     facts = PAGES[name]
     help_text = say(program, "--help", "all").partition("\n" + SETTINGS)[0]
     usage, *rest = blocks_of(help_text)
+    column = column_of(help_text.split("\n"))
     calls = [re.sub(r"^usage:", "", line).strip() for line in usage]
     out = header(name, facts["section"], facts["about"], say(program, "--version").strip())
     out += ".SH SYNOPSIS\n.nf\n" + "".join(f"{escaped(call)}\n" for call in calls) + ".fi\n.SH DESCRIPTION\n"
@@ -111,7 +116,7 @@ def page_of(name, program):
         if block[0].startswith("Exit"):
             status = ".SH EXIT STATUS\n" + escaped(re.sub(r"^Exit [a-z]+: ", "", " ".join(block))) + "\n"
         elif block[0].startswith("  "):
-            out += listed(items_of(block))
+            out += listed(items_of(block, column))
         else:
             out += ("" if out.endswith("DESCRIPTION\n") else ".PP\n") + escaped(" ".join(block)) + "\n"
     out += status
@@ -125,7 +130,7 @@ def settings_page(program):
     out = header("hexad.conf", 5, "settings of hexad", say(program, "--version").strip())
     out += (".SH DESCRIPTION\nA line is a setting,\n.IR \"key \" = \" value\" ,\nor a comment after # or ;. A colon may take the place of =. Each is an"
             " option of\n.BR hexad (8)\nas well, which wins over the file. A setting that is not there has its default.\n"
-            + escaped(first[-1]) + "\n")
+            + escaped(" ".join(first).partition("precedence. ")[2]) + ".\n")
     for block in blocks:
         if block[0].startswith("  "):
             ((term, prose),) = items_of(block)

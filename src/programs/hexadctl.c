@@ -444,7 +444,7 @@ static bool print_help_of(const char *name)
     for (size_t i = 0; i < COMMAND_COUNT; i++) {
         const char *end = commands[i].name + length;
         if (strncmp(commands[i].name, name, length) != 0 || (*end && *end != ' ')) continue;
-        if (!shown) printf("%s\n", usage);
+        if (!shown) fputs(usage, stdout), puts("");
         print_help_of_entry(stdout, &commands[i], false);
         shown = true;
     }
