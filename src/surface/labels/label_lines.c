@@ -49,7 +49,7 @@ typedef struct work {
 
 /* The neighbourhood of a vertex: vertices that are on no line, within a radius, and connected with the
  * vertex by edges. */
-typedef struct near_by {
+typedef struct neighbourhood {
     uint32_t vertex[MOST_NEAR];
     size_t count;
     double radius;
@@ -57,9 +57,9 @@ typedef struct near_by {
                                     * or 0 */
     uint16_t used[MOST_NEAR];      /* per vertex: its entry in `place` */
     bool at_end[MOST_NEAR];        /* per vertex: a neighbour of it is outside the radius */
-} near_by;
+} neighbourhood;
 
-static void add(near_by *n, uint32_t v)
+static void add(neighbourhood *n, uint32_t v)
 {
     const size_t places = sizeof n->place / sizeof *n->place;
     size_t k = v * 0x9E3779B1u % places;
@@ -70,14 +70,14 @@ static void add(near_by *n, uint32_t v)
     n->place[k] = (uint16_t)n->count;
 }
 
-static void forget(near_by *n)
+static void forget(neighbourhood *n)
 {
     for (size_t k = 0; k < n->count; k++) n->place[n->used[k]] = 0;
     n->count = 0;
 }
 
 /* Adds the neighbours of a vertex that lie within the radius. Returns whether a neighbour lies beyond it. */
-static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *out)
+static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, neighbourhood *out)
 {
     const label_graph *g = l->graph;
     bool too_far = false;
@@ -94,7 +94,7 @@ static bool add_neighbours(const label_lines *l, vec3 x, uint32_t at, near_by *o
 
 /* Adds the vertices around `start`. After the radius has increased, only vertices with neighbours outside
  * the previous radius are visited again. */
-static void gather(const label_lines *l, uint32_t start, near_by *out)
+static void gather(const label_lines *l, uint32_t start, neighbourhood *out)
 {
     const vec3 x = l->m->vertex[start];
     const size_t known = out->count;
@@ -131,22 +131,22 @@ static vec3 apart_at(vec3 middle)
  * weight 0. Lengths are in radii. */
 enum { AT_ONCE = 8 };
 
-typedef struct between {
+typedef struct midpoint_group {
     double off[3][AT_ONCE];   /* from the vertex to the midpoint */
     double apart[3][AT_ONCE]; /* vector between the two voxels */
     double near[AT_ONCE], weight[AT_ONCE];
-} between;
+} midpoint_group;
 
-typedef struct betweens {
+typedef struct midpoints {
     size_t count;
     double near, weight; /* sums over all midpoints */
-    between at[MOST_NEAR / AT_ONCE];
-} betweens;
+    midpoint_group at[MOST_NEAR / AT_ONCE];
+} midpoints;
 
 /* Working memory of one thread. */
 typedef struct scratch {
-    near_by near;
-    betweens between;
+    neighbourhood near;
+    midpoints midpoints;
 } scratch;
 
 static void put(double to[3][AT_ONCE], size_t lane, vec3 x)
@@ -159,7 +159,7 @@ ISA_INLINE vec3 get(const double from[3][AT_ONCE], int lane)
     return (vec3){from[0][lane], from[1][lane], from[2][lane]};
 }
 
-static void list_between(const work *w, const near_by *n, uint32_t kind, vec3 x, betweens *out)
+static void list_between(const work *w, const neighbourhood *n, uint32_t kind, vec3 x, midpoints *out)
 {
     out->count = 0;
     out->near = out->weight = 0;
@@ -169,9 +169,9 @@ static void list_between(const work *w, const near_by *n, uint32_t kind, vec3 x,
         const vec3 middle = w->l->middle[v], off = vec3_scale(vec3_sub(middle, x), 1 / n->radius);
         const double near = fmax(1 - vec3_norm2(off), 0),
                      weight = near * near * (w->beside[v] ? beside_weight : 1);
-        between *to = &out->at[out->count / AT_ONCE];
+        midpoint_group *to = &out->at[out->count / AT_ONCE];
         const size_t lane = out->count++ % AT_ONCE;
-        if (lane == 0) *to = (between){0};
+        if (lane == 0) *to = (midpoint_group){0};
         put(to->off, lane, off);
         put(to->apart, lane, vec3_scale(apart_at(middle), 1 / n->radius));
         to->near[lane] = near;
@@ -224,7 +224,7 @@ typedef struct heights {
     double s[AT_ONCE], t[AT_ONCE], stretch[AT_ONCE], up[AT_ONCE], weight[AT_ONCE], missed[AT_ONCE];
 } heights;
 
-ISA_INLINE void find_heights(const between *m, const quadric *before, const quadric *q, int terms,
+ISA_INLINE void find_heights(const midpoint_group *m, const quadric *before, const quadric *q, int terms,
                              heights *out)
 {
     for (int l = 0; l < AT_ONCE; l++) {
@@ -248,7 +248,7 @@ ISA_INLINE void find_heights(const between *m, const quadric *before, const quad
     }
 }
 
-ISA_INLINE void sum_terms(const betweens *m, const quadric *before, const quadric *q, int terms, sums *out)
+ISA_INLINE void sum_terms(const midpoints *m, const quadric *before, const quadric *q, int terms, sums *out)
 {
     row sum[TERMS] = {0};
     double missed = 0;
@@ -267,7 +267,7 @@ ISA_INLINE void sum_terms(const betweens *m, const quadric *before, const quadri
     out->missed = missed;
 }
 
-ISA_CLONES static void sum_plane(const betweens *m, const quadric *before, const quadric *q, sums *out)
+ISA_CLONES static void sum_plane(const midpoints *m, const quadric *before, const quadric *q, sums *out)
 {
     if (before)
         sum_terms(m, before, q, PLANE, out);
@@ -275,7 +275,7 @@ ISA_CLONES static void sum_plane(const betweens *m, const quadric *before, const
         sum_terms(m, NULL, q, PLANE, out);
 }
 
-ISA_CLONES static void sum_quadric(const betweens *m, const quadric *before, const quadric *q, sums *out)
+ISA_CLONES static void sum_quadric(const midpoints *m, const quadric *before, const quadric *q, sums *out)
 {
     if (before)
         sum_terms(m, before, q, TERMS, out);
@@ -286,7 +286,7 @@ ISA_CLONES static void sum_quadric(const betweens *m, const quadric *before, con
 /* Fits the terms by weighted least squares. Without `before`, to the midpoints. With it, to the residuals by
  * which the surface `before` does not separate the voxels. *missed: the rms residual, in radii. False: the
  * sum of weights is too small. */
-static bool fit_terms(const betweens *m, const quadric *before, quadric *q, double *missed)
+static bool fit_terms(const midpoints *m, const quadric *before, quadric *q, double *missed)
 {
     double a[TERMS][TERMS];
     sums sum;
@@ -313,16 +313,16 @@ static vec3 normal_of(const quadric *q, double *length)
 
 /* The tangent plane of an interface near a vertex: it passes through the point at `distance` from the vertex
  * along `normal`. */
-typedef struct passing {
+typedef struct tangent_plane {
     uint32_t kind;
     bool is_known, grows;
     vec3 normal;
     double distance;
-} passing;
+} tangent_plane;
 
 /* Fits a plane or quadric with `terms` coefficients; sets normal and distance of p. *missed: the rms
  * residual, in voxels. False: there are too few midpoints. */
-static bool fit_quadric(const betweens *m, double radius, int terms, passing *p, double *missed)
+static bool fit_quadric(const midpoints *m, double radius, int terms, tangent_plane *p, double *missed)
 {
     quadric q = {.terms = terms}, before;
     double length;
@@ -345,41 +345,41 @@ static bool fit_quadric(const betweens *m, double radius, int terms, passing *p,
 
 /* Fits one interface in the present neighbourhood: a plane, and if its residual is too large, a quadric. The
  * fit is stored if its residual is small enough, or if there is none yet. */
-static void fit(const work *w, scratch *on, vec3 x, passing *p)
+static void fit(const work *w, scratch *on, vec3 x, tangent_plane *p)
 {
-    const near_by *n = &on->near;
+    const neighbourhood *n = &on->near;
     vec3 sum = {0, 0, 0};
     p->grows = false;
     for (size_t k = 0; k < n->count; k++)
         if (w->l->graph->kind[n->vertex[k]] == p->kind) sum = vec3_add(sum, w->normal[n->vertex[k]]);
     if (!(vec3_norm2(sum) > 0)) return;
-    list_between(w, n, p->kind, x, &on->between);
+    list_between(w, n, p->kind, x, &on->midpoints);
     for (int terms = PLANE; terms <= TERMS && !p->grows; terms += TERMS - PLANE) {
-        passing found = {.kind = p->kind, .is_known = true, .normal = vec3_unit(sum)};
+        tangent_plane found = {.kind = p->kind, .is_known = true, .normal = vec3_unit(sum)};
         double missed;
-        if (!fit_quadric(&on->between, n->radius, terms, &found, &missed)) return;
+        if (!fit_quadric(&on->midpoints, n->radius, terms, &found, &missed)) return;
         p->grows = found.grows = missed <= most_missed;
         if (p->grows || (terms == TERMS && !p->is_known)) *p = found;
     }
 }
 
-static int list_interfaces(const label_graph *g, const near_by *n, passing out[MOST_KINDS])
+static int list_interfaces(const label_graph *g, const neighbourhood *n, tangent_plane out[MOST_KINDS])
 {
     int count = 0;
     for (size_t k = 0; k < n->count && count < MOST_KINDS; k++) {
         const uint32_t kind = g->kind[n->vertex[k]];
         bool listed = false;
         for (int i = 0; i < count; i++) listed |= out[i].kind == kind;
-        if (!listed) out[count++] = (passing){.kind = kind, .grows = true};
+        if (!listed) out[count++] = (tangent_plane){.kind = kind, .grows = true};
     }
     return count;
 }
 
 /* Fits the interfaces near a vertex of a line. Returns their number. */
-static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MOST_KINDS])
+static int fit_interfaces(const work *w, scratch *on, uint32_t v, tangent_plane out[MOST_KINDS])
 {
     const label_graph *g = w->l->graph;
-    near_by *near = &on->near;
+    neighbourhood *near = &on->near;
     int count = 0;
     bool grows = true;
     forget(near);
@@ -400,7 +400,7 @@ static int fit_interfaces(const work *w, scratch *on, uint32_t v, passing out[MO
 
 /* Moves `place` to the point with the least sum of squared distances from the planes of all interfaces,
  * which were fitted at x. */
-static vec3 place_on(const passing *p, int count, vec3 x, vec3 place)
+static vec3 place_on(const tangent_plane *p, int count, vec3 x, vec3 place)
 {
     sym3 a = {rest, rest, rest, 0, 0, 0};
     vec3 b = {0, 0, 0};
@@ -426,7 +426,7 @@ static void move_lines(void *context, int worker, size_t begin, size_t end)
     const work *w = context;
     const label_graph *g = w->l->graph;
     const vec3 *at = w->l->m->vertex;
-    passing p[MOST_KINDS];
+    tangent_plane p[MOST_KINDS];
     for (size_t v = begin; v < end; v++) {
         if (g->along[v] == 0 || w->fitted[v] != v) continue;
         const int count = fit_interfaces(w, &w->scratch[worker], (uint32_t)v, p);

@@ -32,7 +32,7 @@ typedef struct scratch {
     error failed;
 } scratch;
 
-typedef struct filtering {
+typedef struct majority_job {
     label_volume *v;
     int64_t blocks[3];
     int reach[3];
@@ -43,7 +43,7 @@ typedef struct filtering {
     float *label_weight;
     atomic_size_t bytes;
     atomic_ullong changed;
-} filtering;
+} majority_job;
 
 /* Label of voxels outside the volume and in the layer around it. */
 enum { NONE = LABEL_VOLUME_MOST };
@@ -62,13 +62,13 @@ static size_t note_label(uint16_t *present, size_t count, uint16_t label)
 }
 
 /* Number of voxels along an axis of a block with its margin. */
-static size_t side_of(const filtering *f, int axis)
+static size_t side_of(const majority_job *f, int axis)
 {
     return (size_t)(BLOCK + 2 * f->reach[axis]);
 }
 
 /* Copies the labels of a block with its margin. Returns the number of different labels. */
-static size_t gather(const filtering *f, const int64_t low[3], scratch *on)
+static size_t gather(const majority_job *f, const int64_t low[3], scratch *on)
 {
     const label_volume *v = f->v;
     int64_t from[3], end[3];
@@ -89,7 +89,7 @@ static size_t gather(const filtering *f, const int64_t low[3], scratch *on)
     return count;
 }
 
-static bool filter_row(const filtering *f, const uint16_t *label, uint16_t own, float out[BLOCK])
+static bool filter_row(const majority_job *f, const uint16_t *label, uint16_t own, float out[BLOCK])
 {
     bool any = false;
     for (size_t k = 0; k < side_of(f, 0); k++) any |= label[k] == own;
@@ -101,7 +101,7 @@ static bool filter_row(const filtering *f, const uint16_t *label, uint16_t own, 
 }
 
 /* out = weighted sum of rows of BLOCK numbers at the distance `stride`. */
-static void filter_rows(const filtering *f, int axis, const float *rows, size_t stride, float out[BLOCK])
+static void filter_rows(const majority_job *f, int axis, const float *rows, size_t stride, float out[BLOCK])
 {
     memset(out, 0, BLOCK * sizeof *out);
     for (int k = 0; k <= 2 * f->reach[axis]; k++)
@@ -109,7 +109,7 @@ static void filter_rows(const filtering *f, int axis, const float *rows, size_t 
 }
 
 /* Computes the smoothed indicator of one label in on->all. */
-static void smooth_indicator(const filtering *f, uint16_t own, scratch *on)
+static void smooth_indicator(const majority_job *f, uint16_t own, scratch *on)
 {
     const size_t side[3] = {side_of(f, 0), side_of(f, 1), side_of(f, 2)};
     for (size_t row = 0; row < side[1] * side[2]; row++)
@@ -126,7 +126,7 @@ static void smooth_indicator(const filtering *f, uint16_t own, scratch *on)
 }
 
 /* Index, in the block with margin, of a voxel of the block. */
-static size_t gathered(const filtering *f, size_t voxel)
+static size_t gathered(const majority_job *f, size_t voxel)
 {
     const size_t x = voxel % BLOCK + (size_t)f->reach[0], y = voxel / BLOCK % BLOCK + (size_t)f->reach[1],
                  z = voxel / BLOCK / BLOCK + (size_t)f->reach[2];
@@ -135,7 +135,7 @@ static size_t gathered(const filtering *f, size_t voxel)
 
 /* Enters a label's indicator in the rankings of all voxels. Among equal indicators the voxel's own label
  * comes first. */
-static void rank(const filtering *f, size_t count, scratch *on)
+static void rank(const majority_job *f, size_t count, scratch *on)
 {
     memset(on->ranks, 0, VOXELS * sizeof *on->ranks);
     for (size_t n = 0; n < count; n++) {
@@ -171,7 +171,7 @@ static label_contest contest_of(const ranking *r, size_t voxel)
 }
 
 /* The position of a voxel of a block. False: it is outside the volume. */
-static bool place_of(const filtering *f, size_t block, size_t voxel, int64_t at[3])
+static bool place_of(const majority_job *f, size_t block, size_t voxel, int64_t at[3])
 {
     const size_t in[3] = {voxel % BLOCK, voxel / BLOCK % BLOCK, voxel / BLOCK / BLOCK},
                  of[3] = {block % (size_t)f->blocks[0], block / (size_t)f->blocks[0] % (size_t)f->blocks[1],
@@ -186,7 +186,7 @@ static bool place_of(const filtering *f, size_t block, size_t voxel, int64_t at[
 
 /* Stores the voxels of a block that may get another label, if memory permits. Always adds the memory that
  * they need. */
-static void keep_contests(filtering *f, size_t block, scratch *on)
+static void keep_contests(majority_job *f, size_t block, scratch *on)
 {
     size_t count = 0;
     for (size_t k = 0; k < VOXELS; k++) {
@@ -208,7 +208,7 @@ static void keep_contests(filtering *f, size_t block, scratch *on)
 
 static void filter_blocks(void *context, int worker, size_t begin, size_t end)
 {
-    filtering *f = context;
+    majority_job *f = context;
     scratch *on = &f->on[worker];
     for (size_t n = begin; n < end; n++) {
         int64_t low[3];
@@ -222,7 +222,7 @@ static void filter_blocks(void *context, int worker, size_t begin, size_t end)
 
 static void put_winners(void *context, int worker, size_t begin, size_t end)
 {
-    filtering *f = context;
+    majority_job *f = context;
     const int64_t *size = f->v->size;
     unsigned long long changed = 0;
     (void)worker;
@@ -242,7 +242,7 @@ static void put_winners(void *context, int worker, size_t begin, size_t end)
 /* ---- public functions */
 
 /* Bytes of the working memory of a thread. */
-static size_t scratch_bytes(const filtering *f)
+static size_t scratch_bytes(const majority_job *f)
 {
     const size_t side[3] = {side_of(f, 0), side_of(f, 1), side_of(f, 2)};
     const scratch *on = NULL;
@@ -252,7 +252,7 @@ static size_t scratch_bytes(const filtering *f)
            VOXELS * (sizeof *on->all + sizeof *on->ranks + sizeof *on->contests);
 }
 
-static bool make_scratch(const filtering *f, scratch *on, error *e)
+static bool make_scratch(const majority_job *f, scratch *on, error *e)
 {
     const size_t side[3] = {side_of(f, 0), side_of(f, 1), side_of(f, 2)};
     return (on->label = mem_array(side[0] * side[1] * side[2], sizeof *on->label, what, e)) &&
@@ -278,7 +278,7 @@ static void free_scratch(scratch *on)
 }
 
 /* Computes the weights of a Gaussian that has the same width along each axis in world space. */
-static bool make_weights(filtering *f, double width, error *e)
+static bool make_weights(majority_job *f, double width, error *e)
 {
     double step[3];
     const double least = label_volume_sides(f->v, step);
@@ -319,7 +319,7 @@ static bool check_memory(size_t needed, size_t memory_limit, error *e)
 
 /* Finds label weights with which each label wins as many contested voxels as it has now: this preserves its
  * volume. */
-static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *pool, error *e)
+static bool find_weights(majority_job *f, size_t blocks, size_t workers, threads *pool, error *e)
 {
     const size_t labels = f->v->count;
     label_wish *wish = mem_array(labels, sizeof *wish, what, e);
@@ -334,7 +334,7 @@ static bool find_weights(filtering *f, size_t blocks, size_t workers, threads *p
 }
 
 /* Filters all blocks. Error: limit_memory, if the contests exceed the memory that is left. */
-static bool filter(filtering *f, size_t blocks, size_t memory_limit, threads *pool, error *e)
+static bool filter(majority_job *f, size_t blocks, size_t memory_limit, threads *pool, error *e)
 {
     const size_t workers = (size_t)threads_count(pool),
                  taken = label_volume_bytes(f->v) + workers * scratch_bytes(f) +
@@ -359,7 +359,7 @@ bool label_majority_apply(label_volume *v, double width, size_t memory_limit, th
 {
     if (!(width > 0)) return true;
     const size_t workers = (size_t)threads_count(pool);
-    filtering f = {.v = v};
+    majority_job f = {.v = v};
     size_t blocks = 1;
     for (int k = 0; k < 3; k++) {
         f.blocks[k] = (v->size[k] - 2 * v->around + BLOCK - 1) / BLOCK;

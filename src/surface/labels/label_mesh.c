@@ -18,7 +18,7 @@ static const unsigned char corners_of[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2
 
 enum { BLOCK = 8 }; /* voxels */
 
-typedef struct making {
+typedef struct mesh_build {
     const label_volume *v;
     block_map numbers; /* vertex numbers, by a voxel and a code of the other voxels; see vertex_between */
     mesh m;
@@ -30,9 +30,9 @@ typedef struct making {
     int64_t at[3];
     int number;
     uint16_t label[4];
-} making;
+} mesh_build;
 
-static void corner_of(const making *k, int i, int64_t out[3])
+static void corner_of(const mesh_build *k, int i, int64_t out[3])
 {
     const int bits = corners_of[k->number][i];
     for (int axis = 0; axis < 3; axis++) out[axis] = k->at[axis] + (bits >> axis & 1);
@@ -77,7 +77,7 @@ static bool is_thread(const label_volume *v, const int64_t at[3])
  * that it separates. */
 static const float usual_limit = 0.5F, line_limit = 1, thread_limit = 0.1F;
 
-static bool add_vertex(making *k, const int *corner, int count, error *e)
+static bool add_vertex(mesh_build *k, const int *corner, int count, error *e)
 {
     vec3 sum = {0, 0, 0};
     float limit = count > 2 ? line_limit : usual_limit;
@@ -97,7 +97,7 @@ static bool add_vertex(making *k, const int *corner, int count, error *e)
 /* The vertex between two, three or four corners, given in ascending order. Its key is the voxel of the first
  * corner and the axis bits of the others relative to it. Tetrahedra with a common edge or face give the same
  * key. */
-static bool vertex_between(making *k, const int *corner, int count, uint32_t *number, error *e)
+static bool vertex_between(mesh_build *k, const int *corner, int count, uint32_t *number, error *e)
 {
     enum { CODES = 128, WHOLE = 64 };
     const unsigned char *bits = corners_of[k->number];
@@ -113,7 +113,7 @@ static bool vertex_between(making *k, const int *corner, int count, uint32_t *nu
 
 /* ---- triangles */
 
-static vec3 middle_of(const making *k, uint16_t label)
+static vec3 middle_of(const mesh_build *k, uint16_t label)
 {
     vec3 sum = {0, 0, 0};
     int count = 0;
@@ -129,7 +129,7 @@ static vec3 middle_of(const making *k, uint16_t label)
 
 /* Adds a convex polygon of the interface of two materials as triangles. Their normals point from the
  * material with the smaller number to the other one. */
-static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner, int count, error *e)
+static bool add_piece(mesh_build *k, uint16_t a, uint16_t b, const uint32_t *corner, int count, error *e)
 {
     const uint16_t first = a < b ? a : b, second = a < b ? b : a;
     const vec3 *x = k->m.vertex;
@@ -147,7 +147,7 @@ static bool add_piece(making *k, uint16_t a, uint16_t b, const uint32_t *corner,
 }
 
 /* The vertex of a set of corners, given as bits: of an edge, a face or the tetrahedron. */
-static bool vertex_of(making *k, unsigned set, uint32_t *number, error *e)
+static bool vertex_of(mesh_build *k, unsigned set, uint32_t *number, error *e)
 {
     int corner[4], count = 0;
     for (int i = 0; i < 4; i++)
@@ -155,7 +155,7 @@ static bool vertex_of(making *k, unsigned set, uint32_t *number, error *e)
     return vertex_between(k, corner, count, number, e);
 }
 
-static bool piece_of(making *k, uint16_t a, uint16_t b, const unsigned *sets, int count, error *e)
+static bool piece_of(mesh_build *k, uint16_t a, uint16_t b, const unsigned *sets, int count, error *e)
 {
     uint32_t corner[4];
     for (int i = 0; i < count; i++)
@@ -165,7 +165,7 @@ static bool piece_of(making *k, uint16_t a, uint16_t b, const unsigned *sets, in
 
 /* Divides a tetrahedron of two materials: a triangle separates one corner, or a quadrilateral two corners.
  * `one`: the corners of the first material. */
-static bool cut_in_two(making *k, unsigned one, error *e)
+static bool cut_in_two(mesh_build *k, unsigned one, error *e)
 {
     int in[4], out[4], ins = 0, outs = 0;
     for (int i = 0; i < 4; i++) {
@@ -188,7 +188,7 @@ static bool cut_in_two(making *k, unsigned one, error *e)
 
 /* Divides a tetrahedron of three materials; corners i and j have the same. The two interfaces of their
  * material and the interface of the other two meet in a segment between two face vertices. */
-static bool cut_in_three(making *k, int i, int j, error *e)
+static bool cut_in_three(mesh_build *k, int i, int j, error *e)
 {
     int other[2], count = 0;
     for (int n = 0; n < 4; n++)
@@ -201,7 +201,7 @@ static bool cut_in_three(making *k, int i, int j, error *e)
            piece_of(k, first, second, (unsigned[]){r | s, near, far}, 3, e);
 }
 
-static bool cut_in_four(making *k, error *e)
+static bool cut_in_four(mesh_build *k, error *e)
 {
     for (int i = 0; i < 4; i++)
         for (int j = i + 1; j < 4; j++) {
@@ -212,7 +212,7 @@ static bool cut_in_four(making *k, error *e)
     return true;
 }
 
-static bool cut(making *k, error *e)
+static bool cut(mesh_build *k, error *e)
 {
     const uint16_t *l = k->label;
     int equal = 0, i = 0, j = 0;
@@ -238,7 +238,7 @@ static bool cut(making *k, error *e)
     }
 }
 
-static bool cut_cell(making *k, error *e)
+static bool cut_cell(mesh_build *k, error *e)
 {
     for (k->number = 0; k->number < 6; k->number++) {
         for (int i = 0; i < 4; i++) {
@@ -260,7 +260,7 @@ static bool is_mixed(const label_volume *v, int64_t x, int64_t y, int64_t z)
 }
 
 /* Divides the cells whose lowest voxel lies in the block. */
-static bool cut_block(making *k, const int64_t low[3], error *e)
+static bool cut_block(mesh_build *k, const int64_t low[3], error *e)
 {
     const int64_t *size = k->v->size;
     int64_t end[3];
@@ -275,7 +275,7 @@ static bool cut_block(making *k, const int64_t low[3], error *e)
     return true;
 }
 
-static bool check_count(const making *k, error *e)
+static bool check_count(const mesh_build *k, error *e)
 {
     return k->m.triangle_count <= k->most ||
            error_set(e, ERROR_LIMIT_MEMORY,
@@ -287,7 +287,7 @@ static bool check_count(const making *k, error *e)
 
 /* Divides all cells, block by block, so that vertices near each other in space are near each other in
  * memory. */
-static bool cut_cells(making *k, error *e)
+static bool cut_cells(mesh_build *k, error *e)
 {
     const int64_t *size = k->v->size;
     if (!block_map_init(&k->numbers, 4096, e)) return false;
@@ -300,7 +300,7 @@ static bool cut_cells(making *k, error *e)
 
 /* ---- public functions */
 
-static void keep_wanted(making *k, label_mesh_wanted *wanted, const void *context)
+static void keep_wanted(mesh_build *k, label_mesh_wanted *wanted, const void *context)
 {
     size_t kept = 0;
     for (size_t n = 0; n < k->m.triangle_count; n++) {
@@ -330,7 +330,7 @@ static const char *after_majority(const label_volume *v)
     return v->changed > 0 ? " after surface.labels.majority" : "";
 }
 
-static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void *context, threads *pool,
+static bool make(mesh_build *k, double smooth, label_mesh_wanted *wanted, const void *context, threads *pool,
                  error *e)
 {
     if (!cut_cells(k, e)) return false;
@@ -357,7 +357,7 @@ static bool make(making *k, double smooth, label_mesh_wanted *wanted, const void
 bool label_mesh_make(const label_volume *v, double smooth, label_mesh_wanted *wanted, const void *context,
                      size_t most, threads *pool, label_mesh *out, error *e)
 {
-    making k = {.v = v, .most = most};
+    mesh_build k = {.v = v, .most = most};
     bool ok = make(&k, smooth, wanted, context, pool, e);
     block_map_free(&k.numbers);
     free(k.limit);

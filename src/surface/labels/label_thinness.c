@@ -43,10 +43,10 @@ static bool is_in_box(const label_volume *v, const int64_t at[3], uint16_t own, 
     return false;
 }
 
-typedef struct finding {
+typedef struct thinness_job {
     const label_volume *v;
     atomic_ullong *thin, *rows; /* per material */
-} finding;
+} thinness_job;
 
 enum { WORD = 4 }; /* voxels that are compared at a time */
 
@@ -69,7 +69,7 @@ static bool is_thick(const label_volume *v, const int64_t at[3], uint16_t own)
 /* Counts the thin voxels of rows along x. */
 static void find_in_rows(void *context, int worker, size_t begin, size_t end)
 {
-    const finding *f = context;
+    const thinness_job *f = context;
     const label_volume *v = f->v;
     (void)worker;
     for (size_t row = begin; row < end; row++) {
@@ -90,7 +90,7 @@ static void find_in_rows(void *context, int worker, size_t begin, size_t end)
 
 void label_thinness_find(label_volume *v, threads *pool)
 {
-    finding f = {v, mem_alloc(v->count * sizeof *f.thin), mem_alloc(v->count * sizeof *f.rows)};
+    thinness_job f = {v, mem_alloc(v->count * sizeof *f.thin), mem_alloc(v->count * sizeof *f.rows)};
     for (size_t k = 0; k < v->count; k++) {
         atomic_init(&f.thin[k], 0);
         atomic_init(&f.rows[k], 0);

@@ -15,14 +15,14 @@
 static const char what[] = "the labels of the volume";
 
 /* The labels found so far: their values, numbered in the order of their occurrence. */
-typedef struct reading {
+typedef struct label_read {
     block_map numbers; /* key: the low and the high 32 bits of the value, and 0 */
     const slices *from;
     label_volume *out;
     size_t room;
-} reading;
+} label_read;
 
-static bool number_of(reading *r, double value, uint16_t *number, error *e)
+static bool number_of(label_read *r, double value, uint16_t *number, error *e)
 {
     if (!(fabs(value) <= (double)PRECISION_WHOLE_MOST) || value != rint(value)) {
         char text[32];
@@ -54,7 +54,7 @@ static bool number_of(reading *r, double value, uint16_t *number, error *e)
 }
 
 /* Reads the slices into the array, `around` voxels away from its faces. */
-static bool read_voxels(reading *r, slices *from, int64_t around, error *e)
+static bool read_voxels(label_read *r, slices *from, int64_t around, error *e)
 {
     const int64_t *size = from->size;
     label_volume *v = r->out;
@@ -237,7 +237,7 @@ bool label_volume_read(slices *from, const spec_labels *choice, size_t memory_li
                        error *e)
 {
     label_volume made = {0};
-    reading r = {.out = &made, .from = from};
+    label_read r = {.out = &made, .from = from};
     const int64_t around = choice->closed;
     bool ok = make_room(&made, from, around, memory_limit, e) && block_map_init(&r.numbers, 64, e) &&
               read_voxels(&r, from, around, e) && check_choice(&made, choice, e) &&

@@ -29,22 +29,22 @@ typedef struct tally {
 
 /* The state of a label: the maximum change of the logarithm of its weight in the next round, and the sign of
  * its last deviation. */
-typedef struct course {
+typedef struct weight_step {
     double limit;
     int lacked; /* 1: too few voxels; -1: too many; 0: within the tolerance so far */
-} course;
+} weight_step;
 
-typedef struct finding {
+typedef struct weights_job {
     const label_contests *list;
     float *weight; /* weights of this round */
     tally *of;     /* per worker and label */
     size_t labels;
-    course *course; /* per label */
-} finding;
+    weight_step *steps; /* per label */
+} weights_job;
 
 static void count_wins(void *context, int worker, size_t begin, size_t end)
 {
-    const finding *f = context;
+    const weights_job *f = context;
     tally *of = f->of + (size_t)worker * f->labels;
     for (size_t n = begin; n < end; n++)
         for (size_t i = 0; i < f->list[n].count; i++) {
@@ -65,7 +65,7 @@ static void count_wins(void *context, int worker, size_t begin, size_t end)
 
 /* Adds the tallies of all workers to those of the first one. Returns the sum over all labels of the relative
  * error of their numbers of voxels. */
-static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
+static double sum_tallies(weights_job *f, size_t workers, const label_wish *wish)
 {
     double missed = 0;
     for (size_t k = 0; k < f->labels; k++) {
@@ -79,7 +79,7 @@ static double sum_tallies(finding *f, size_t workers, const label_wish *wish)
 }
 
 /* Makes one step. Returns whether no weight changed: every label is within the tolerance or at a bound. */
-static bool change_weights(const finding *f, const label_wish *wish)
+static bool change_weights(const weights_job *f, const label_wish *wish)
 {
     const double most = sqrt(LABEL_WEIGHTS_RATIO);
     bool all = true;
@@ -87,7 +87,7 @@ static bool change_weights(const finding *f, const label_wish *wish)
         const double lacks = (double)(wish[k].wanted - f->of[k].won),
                      slope = (double)f->of[k].near / (2 * near_log);
         if (fabs(lacks) <= fmax(1, enough * (double)wish[k].voxels)) continue;
-        course *c = &f->course[k];
+        weight_step *c = &f->steps[k];
         const int lacked = lacks > 0 ? 1 : -1;
         c->limit = c->lacked == -lacked ? less * c->limit : fmin(more * c->limit, first_limit);
         c->lacked = lacked;
@@ -104,15 +104,15 @@ bool label_weights_find(const label_contests *list, size_t lists, const label_wi
                         threads *pool, float *weight, error *e)
 {
     const size_t workers = (size_t)threads_count(pool);
-    finding f = {.list = list, .labels = labels};
+    weights_job f = {.list = list, .labels = labels};
     const bool ok = (f.of = mem_array(workers * labels, sizeof *f.of, what, e)) &&
-                    (f.course = mem_array(labels, sizeof *f.course, what, e)) &&
+                    (f.steps = mem_array(labels, sizeof *f.steps, what, e)) &&
                     (f.weight = mem_array(labels, sizeof *f.weight, what, e));
     bool done = !ok;
     double least = INFINITY;
     for (size_t k = 0; ok && k < labels; k++) {
         weight[k] = f.weight[k] = 1;
-        f.course[k].limit = first_limit;
+        f.steps[k].limit = first_limit;
     }
     for (int round = 0; round < ROUNDS && !done; round++) {
         memset(f.of, 0, workers * labels * sizeof *f.of);
@@ -123,12 +123,12 @@ bool label_weights_find(const label_contests *list, size_t lists, const label_wi
         done = change_weights(&f, wish);
     }
     free(f.of);
-    free(f.course);
+    free(f.steps);
     free(f.weight);
     return ok;
 }
 
 size_t label_weights_bytes(size_t labels, size_t workers)
 {
-    return labels * (workers * sizeof(tally) + sizeof(course) + 2 * sizeof(float) + sizeof(label_wish));
+    return labels * (workers * sizeof(tally) + sizeof(weight_step) + 2 * sizeof(float) + sizeof(label_wish));
 }

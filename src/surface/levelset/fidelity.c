@@ -55,7 +55,7 @@ typedef struct tally {
     error fault; /* code ERROR_NONE: none */
 } tally;
 
-typedef struct measuring {
+typedef struct fidelity_job {
     const mesh *m;
     const field *f;
     const double *index_to_world;
@@ -67,16 +67,16 @@ typedef struct measuring {
     gap *gaps;
     size_t gap_count;
     double area, sampled, followed, near, sum, thin, hidden;
-} measuring;
+} fidelity_job;
 
-static vec3 in_world(const measuring *w, vec3 p)
+static vec3 in_world(const fidelity_job *w, vec3 p)
 {
     const double *m = w->index_to_world;
     return (vec3){m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
 }
 
 /* The distance from the zero set to first order, voxels; NAN if the field is undefined. */
-static double distance_at(const measuring *w, vec3 p)
+static double distance_at(const fidelity_job *w, vec3 p)
 {
     field_sample s;
     if (!w->f || !field_sample_at(w->f, in_world(w, p), FIELD_GRADIENT, &s)) return NAN;
@@ -119,7 +119,7 @@ static bool note_deviation(tally *t, uint32_t n, int place, double area)
 }
 
 /* Measures the samples of a triangle, which represent `area` together. */
-static bool measure_triangle(const measuring *w, uint32_t n, const places *on, double area, tally *t)
+static bool measure_triangle(const fidelity_job *w, uint32_t n, const places *on, double area, tally *t)
 {
     const vec3 step = vec3_scale(on->normal, side_gap);
     for (int k = 0; k < on->count; k++) {
@@ -139,7 +139,7 @@ static bool measure_triangle(const measuring *w, uint32_t n, const places *on, d
 
 static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const measuring *w = context;
+    const fidelity_job *w = context;
     tally *t = &w->tallies[begin / CHUNK];
     double due = fmod(golden * (double)(begin / CHUNK), 1) *
                  least_area; /* area of small triangles since the last sample of them */
@@ -155,7 +155,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static bool gather_tallies(measuring *w, size_t count, error *e)
+static bool gather_tallies(fidelity_job *w, size_t count, error *e)
 {
     size_t deviations = 0;
     for (size_t k = 0; k < count; k++) {
@@ -180,7 +180,7 @@ static bool gather_tallies(measuring *w, size_t count, error *e)
 }
 
 /* Determines why the zero set does not follow a sample. */
-static void classify(const measuring *w, deviation *d)
+static void classify(const fidelity_job *w, deviation *d)
 {
     const places on = places_on(w->m, d->triangle);
     const vec3 p = place_of(on.a, on.ab, on.ac, d->place);
@@ -192,12 +192,12 @@ static void classify(const measuring *w, deviation *d)
 
 static void classify_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const measuring *w = context;
+    const fidelity_job *w = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) classify(w, &w->deviations[k]);
 }
 
-static bool list_gaps(measuring *w, error *e)
+static bool list_gaps(fidelity_job *w, error *e)
 {
     w->gaps = mem_array(w->deviation_count, sizeof *w->gaps, "the thin parts of the mesh", e);
     if (!w->gaps) return false;
@@ -216,7 +216,7 @@ static bool list_gaps(measuring *w, error *e)
     return true;
 }
 
-static bool sample_mesh(measuring *w, threads *pool, error *e)
+static bool sample_mesh(fidelity_job *w, threads *pool, error *e)
 {
     const size_t count = w->m->triangle_count, chunks = (count + CHUNK - 1) / CHUNK;
     w->tallies = mem_array(chunks, sizeof *w->tallies, "the thin parts of the mesh", e);
@@ -239,7 +239,7 @@ static int by_width(const void *left, const void *right)
 
 /* The largest voxel size, in present voxels, for which at most `most` of the area is thin. Only the part
  * that voxels of size `finest` represent counts. */
-static double voxels_wanted(const measuring *w, double finest, double most)
+static double voxels_wanted(const fidelity_job *w, double finest, double most)
 {
     double left = 0;
     for (size_t k = 0; k < w->gap_count; k++) {
@@ -251,7 +251,7 @@ static double voxels_wanted(const measuring *w, double finest, double most)
     return 1;
 }
 
-static bool keep_places(const measuring *w, fidelity *out, error *e)
+static bool keep_places(const fidelity_job *w, fidelity *out, error *e)
 {
     if (!w->gap_count) return true;
     out->thin_place = mem_array(w->gap_count, sizeof *out->thin_place, "the thin parts of the mesh", e);
@@ -264,7 +264,7 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
                       threads *pool, fidelity *out, error *e)
 {
     const double size = index_to_world[0];
-    measuring w = {.m = m, .f = f, .index_to_world = index_to_world};
+    fidelity_job w = {.m = m, .f = f, .index_to_world = index_to_world};
     w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m, pool)) : 0;
     bool ok = sample_mesh(&w, pool, e);
     if (ok) {

@@ -26,7 +26,7 @@ static const double fewest_voxels = 8;
  * to the axes off the voxel centres. */
 static const double origin_gap = 0.5;
 
-typedef struct making {
+typedef struct level_set_build {
     mesh *m;
     mesh_notes *notes;
     size_t limit;
@@ -42,9 +42,9 @@ typedef struct making {
     threads *pool;
     uint32_t *stamps; /* per worker and solid: the last block with triangles of it, plus one */
     vdb_grid *out;
-} making;
+} level_set_build;
 
-static bool over_limit(const making *k, size_t needed, error *e)
+static bool over_limit(const level_set_build *k, size_t needed, error *e)
 {
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -55,15 +55,15 @@ static bool over_limit(const making *k, size_t needed, error *e)
 
 /* ---- into index space */
 
-typedef struct moving {
+typedef struct to_voxels_job {
     mesh *m;
     vec3 low;
     double voxel_size;
-} moving;
+} to_voxels_job;
 
 static void move_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const moving *w = context;
+    const to_voxels_job *w = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const vec3 d = vec3_sub(w->m->vertex[n], w->low);
@@ -72,7 +72,7 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static bool to_index_space(making *k, const levelset_params *p, double index_to_world[16], error *e)
+static bool to_index_space(level_set_build *k, const levelset_params *p, double index_to_world[16], error *e)
 {
     mesh *m = k->m;
     const bbox box = mesh_box(m, k->pool);
@@ -87,7 +87,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
                          size, voxels, longest, fewest_voxels, WINDING_MOST_VOXELS - 1);
     k->voxel_size = size;
     m->welded = false;
-    threads_run(k->pool, m->vertex_count, CHUNK, move_chunk, &(moving){m, box.min, size});
+    threads_run(k->pool, m->vertex_count, CHUNK, move_chunk, &(to_voxels_job){m, box.min, size});
     memset(index_to_world, 0, 16 * sizeof *index_to_world);
     for (int axis = 0; axis < 3; axis++) {
         index_to_world[5 * axis] = size;
@@ -99,7 +99,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
 
 /* ---- which blocks are near which groups */
 
-static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e)
+static bool add_pair(level_set_build *k, const int32_t block[3], uint32_t group, error *e)
 {
     uint32_t number;
     if (k->pair_count == k->pair_room) {
@@ -114,7 +114,7 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t group, error *e
     return true;
 }
 
-static bool plan_group(making *k, uint32_t group, error *e)
+static bool plan_group(level_set_build *k, uint32_t group, error *e)
 {
     const bbox box = bbox_grow(k->groups.box[group], k->band);
     const double reach = k->band + 0.5 * (SIDE - 1) * sqrt(3), reach2 = reach * reach;
@@ -137,7 +137,7 @@ static bool plan_group(making *k, uint32_t group, error *e)
 }
 
 /* Sorts the pairs by block. The order of the groups, and so of their solids, is kept. */
-static bool plan(making *k, error *e)
+static bool plan(level_set_build *k, error *e)
 {
     if (!block_map_init(&k->map, 1024, e) ||
         !triangle_groups_make(k->m, k->solids.first, k->pool, &k->groups, e))
@@ -161,8 +161,8 @@ static bool plan(making *k, error *e)
 /* ---- distances */
 
 /* Takes the minimum of `f` and the signed distance of one solid. */
-static void unite(const making *k, uint32_t solid, const int32_t origin[3], const double nearest[VOXELS],
-                  double f[VOXELS])
+static void unite(const level_set_build *k, uint32_t solid, const int32_t origin[3],
+                  const double nearest[VOXELS], double f[VOXELS])
 {
     for (int row = 0; row < 64; row++) {
         unsigned inside = winding_inside(&k->columns, solid, k->solids.one_sided[solid],
@@ -175,21 +175,21 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
 }
 
 /* The solid of a group; it is `solid` or a later one. */
-static uint32_t solid_of(const making *k, uint32_t solid, uint32_t group)
+static uint32_t solid_of(const level_set_build *k, uint32_t solid, uint32_t group)
 {
     while (k->groups.triangle[k->groups.first[group]] >= k->solids.first[solid + 1]) solid++;
     return solid;
 }
 
 /* The end of the groups of a solid in the list from .. end. */
-static size_t end_of_solid(const making *k, uint32_t solid, size_t from, size_t end)
+static size_t end_of_solid(const level_set_build *k, uint32_t solid, size_t from, size_t end)
 {
     while (from < end && solid_of(k, solid, k->near[from]) == solid) from++;
     return from;
 }
 
 /* Computes the distances of a block in voxels, clamped to the band. */
-static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
+static void fill_block(const level_set_build *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
     double nearest[VOXELS];
@@ -207,7 +207,7 @@ static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double 
     for (int v = 0; v < VOXELS; v++) f[v] = -k->band; /* inside a solid without triangles near the block */
 }
 
-static void store_block(const making *k, uint32_t block, const double f[VOXELS], vdb_grid *out)
+static void store_block(const level_set_build *k, uint32_t block, const double f[VOXELS], vdb_grid *out)
 {
     float *to = out->leaf_values + (size_t)block * VOXELS;
     for (int axis = 0; axis < 3; axis++) out->leaf_origin[block][axis] = SIDE * k->map.blocks[block][axis];
@@ -220,7 +220,7 @@ static void store_block(const making *k, uint32_t block, const double f[VOXELS],
 
 static void fill_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *k = context;
+    const level_set_build *k = context;
     uint32_t *stamp = k->stamps + (size_t)worker * k->solids.solid_count;
     for (size_t block = begin; block < end; block++) {
         double f[VOXELS];
@@ -229,7 +229,7 @@ static void fill_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static bool fill_leaves(making *k, vdb_grid *out, error *e)
+static bool fill_leaves(level_set_build *k, vdb_grid *out, error *e)
 {
     static const char leaves[] = "the band around the mesh";
     if (k->map.count == 0)
@@ -260,7 +260,7 @@ typedef struct tiling {
 
 /* Adds a tile of one block, or of TILE_BLOCKS^3 blocks, if it is inside. It has no leaf, so that one voxel
  * decides for all. */
-static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_t side, error *e)
+static bool add_tile(const level_set_build *k, tiling *t, const int32_t origin[3], int32_t side, error *e)
 {
     if (!winding_covers(&k->columns, k->solids.one_sided, NULL, 0, origin)) return true;
     if (t->count == t->room) {
@@ -273,7 +273,8 @@ static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_
     return true;
 }
 
-static bool tile_region(const making *k, const block_map *regions, const int32_t at[3], tiling *t, error *e)
+static bool tile_region(const level_set_build *k, const block_map *regions, const int32_t at[3], tiling *t,
+                        error *e)
 {
     const int32_t whole[3] = {at[0] * SIDE * TILE_BLOCKS, at[1] * SIDE * TILE_BLOCKS,
                               at[2] * SIDE * TILE_BLOCKS};
@@ -289,7 +290,7 @@ static bool tile_region(const making *k, const block_map *regions, const int32_t
     return true;
 }
 
-static bool fill_tiles(const making *k, vdb_grid *out, error *e)
+static bool fill_tiles(const level_set_build *k, vdb_grid *out, error *e)
 {
     block_map regions = {0};
     tiling t = {0};
@@ -312,7 +313,7 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
 
 /* ---- the whole */
 
-static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
+static bool make(level_set_build *k, const levelset_params *p, vdb_grid *out, error *e)
 {
     const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m, k->pool)) : 0;
     assert(!p->edges || k->m->welded);
@@ -329,7 +330,7 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, size_t *solids, error *e)
 {
-    making k = {.m = m, .notes = notes, .band = params->band_vox, .pool = params->pool};
+    level_set_build k = {.m = m, .notes = notes, .band = params->band_vox, .pool = params->pool};
     k.limit = mem_left(params->memory_limit, mesh_bytes(m->vertex_count, m->triangle_count));
     vdb_grid *out = mem_alloc(sizeof *out);
     bool ok = make(&k, params, out, e);

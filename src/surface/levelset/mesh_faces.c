@@ -38,17 +38,17 @@ struct mesh_faces {
 };
 
 /* The lattice. */
-typedef struct grouping {
+typedef struct group_job {
     const mesh *m;
     vec3 low;
     double cell;
     size_t side;
     uint32_t *cell_of; /* per triangle */
-} grouping;
+} group_job;
 
 static void find_cells(void *context, int worker, size_t begin, size_t end)
 {
-    const grouping *g = context;
+    const group_job *g = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const uint32_t *t = g->m->triangle[n];
@@ -69,7 +69,7 @@ static bool group_triangles(mesh_faces *f, threads *pool, error *e)
     static const char what[] = "the tree of a mesh";
     const bbox box = mesh_box(&f->m, pool);
     const size_t all = f->m.triangle_count;
-    grouping g = {.m = &f->m, .low = box.min, .side = 1};
+    group_job g = {.m = &f->m, .low = box.min, .side = 1};
     if (all > UNGROUPED)
         g.side = (size_t)fmax(
             1,

@@ -25,25 +25,25 @@ typedef struct component {
     uint32_t solid;
 } component;
 
-typedef struct judging {
+typedef struct component_check {
     mesh *m;
     const mesh_repair_input *in;
     mesh_notes *notes;
     const mesh_edges *edges;
-    mesh_edges own;     /* if they were not given */
-    orientation turned; /* of connected triangles */
-    uint32_t *number;   /* per triangle: its component */
+    mesh_edges listed_edges; /* if they were not given */
+    orientation turned;      /* of connected triangles */
+    uint32_t *number;        /* per triangle: its component */
     component *components;
     size_t component_count;
     size_t holes;
-} judging;
+} component_check;
 
 /* ---- edges */
 
 /* At an edge of more than two triangles the neighbours are ambiguous. Components with an odd number of
  * triangles there cannot be closed alone, so they are joined in pairs. `odd` is zero for every triangle,
  * before and after. */
-static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
+static void join_odd(component_check *j, const mesh_side *s, size_t count, int32_t *odd)
 {
     bool turned;
     size_t waiting = count;
@@ -66,7 +66,7 @@ static void join_odd(judging *j, const mesh_side *s, size_t count, int32_t *odd)
 
 /* A component whose triangles have an edge unequally often in both directions has no winding number. `sum`
  * is used like `odd`. */
-static void check_balance(judging *j, const mesh_side *s, size_t count, int32_t *sum)
+static void check_balance(component_check *j, const mesh_side *s, size_t count, int32_t *sum)
 {
     bool turned;
     for (size_t k = 0; k < count; k++) {
@@ -93,7 +93,7 @@ static int by_edges(const void *left, const void *right)
     return (a->box.min.x > b->box.min.x) - (a->box.min.x < b->box.min.x);
 }
 
-static bool find_holes(judging *j, const seam_edge *open, size_t count, hole **out, error *e)
+static bool find_holes(component_check *j, const seam_edge *open, size_t count, hole **out, error *e)
 {
     uint32_t *up = mem_array(j->m->vertex_count, sizeof *up, what, e);
     uint32_t *number = mem_array(j->m->vertex_count, sizeof *number, what, e);
@@ -122,7 +122,7 @@ static bool find_holes(judging *j, const seam_edge *open, size_t count, hole **o
 }
 
 /* Prints the boxes of the largest holes, in coordinates of the file. */
-static void print_holes(const judging *j, const hole *holes, char *text, size_t size)
+static void print_holes(const component_check *j, const hole *holes, char *text, size_t size)
 {
     enum { MOST_TOLD = 4 };
     const double *m = j->in->index_to_world;
@@ -138,7 +138,7 @@ static void print_holes(const judging *j, const hole *holes, char *text, size_t 
         snprintf(text + at, size - at, "; and %zu more", j->holes - MOST_TOLD);
 }
 
-static bool not_closed(judging *j, error *e)
+static bool not_closed(component_check *j, error *e)
 {
     char odd[128] = "", where[640] = "";
     seam_edge *open;
@@ -164,7 +164,7 @@ static bool not_closed(judging *j, error *e)
         j->edges->open, j->holes, j->holes == 1 ? "" : "s", odd, where);
 }
 
-static bool join_at_edges(judging *j, error *e)
+static bool join_at_edges(component_check *j, error *e)
 {
     enum { PAIRS, BRANCHES, CHECK, PASSES }; /* pairs first: they determine the components */
     int32_t *mark = mem_array(j->m->triangle_count, sizeof *mark, what, e);
@@ -187,7 +187,7 @@ static bool join_at_edges(judging *j, error *e)
 
 static void join_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const judging *j = context;
+    const component_check *j = context;
     (void)worker;
     for (size_t k = j->edges->first[begin]; k < j->edges->first[end]; k += 2)
         sets_join_shared(j->turned.parent, j->edges->sides[k].triangle, j->edges->sides[k + 1].triangle);
@@ -195,14 +195,14 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
 
 static void flatten_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const judging *j = context;
+    const component_check *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) sets_flatten_shared(j->turned.parent, (uint32_t)n);
 }
 
 /* Finds the connected components; in parallel if every edge has two triangles of consistent orientation,
  * as in most meshes. */
-static bool join_triangles(judging *j, error *e)
+static bool join_triangles(component_check *j, error *e)
 {
     const mesh_edges *edges = j->edges;
     if (edges->open || edges->odd) return not_closed(j, e);
@@ -222,7 +222,7 @@ static void turn_triangle(uint32_t t[3])
 }
 
 /* Turns the minority of the triangles of each component. */
-static void orient(judging *j)
+static void orient(component_check *j)
 {
     size_t total = 0, turned_ones = 0;
     for (size_t c = 0; c < j->component_count; c++) turned_ones += j->components[c].turned;
@@ -242,7 +242,7 @@ static void orient(judging *j)
 /* Consecutive triangles are mostly of one component. */
 static void number_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    judging *j = context;
+    component_check *j = context;
     (void)worker;
     for (size_t n = begin, next; n < end; n = next) {
         const uint32_t root = j->turned.parent[n], number = j->number[root];
@@ -257,7 +257,7 @@ static void number_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Numbers the components, after each triangle's parent is its root. */
-static bool number_components(judging *j, error *e)
+static bool number_components(component_check *j, error *e)
 {
     const size_t count = j->m->triangle_count;
     j->number = mem_array(count, sizeof *j->number, what, e);
@@ -274,7 +274,7 @@ static bool number_components(judging *j, error *e)
 }
 
 /* Sorts the triangles by component. `rank`: the position of each component. */
-static bool sort_triangles(judging *j, const uint32_t *rank, error *e)
+static bool sort_triangles(component_check *j, const uint32_t *rank, error *e)
 {
     mesh *m = j->m;
     if (j->component_count == 1) {
@@ -315,15 +315,15 @@ typedef struct part {
     bbox box;
 } part;
 
-typedef struct measuring {
+typedef struct parts_job {
     const mesh *m;
     const component *of;
     part *parts;
-} measuring;
+} parts_job;
 
 static void measure_part(void *context, int worker, size_t k, size_t end)
 {
-    const measuring *w = context;
+    const parts_job *w = context;
     const vec3 *vertex = w->m->vertex, origin = vertex[w->m->triangle[w->of->root][0]];
     (void)worker;
     for (; k < end; k++) {
@@ -342,14 +342,14 @@ static void measure_part(void *context, int worker, size_t k, size_t end)
     }
 }
 
-static bool measure_components(judging *j, error *e)
+static bool measure_components(component_check *j, error *e)
 {
     part *parts = mem_array(j->m->triangle_count / PART + 1, sizeof *parts, what, e);
     for (size_t k = 0; parts && k < j->component_count; k++) {
         component *c = &j->components[k];
         const size_t count = (c->size + PART - 1) / PART;
         c->box = bbox_empty();
-        threads_run(j->in->pool, count, 1, measure_part, &(measuring){j->m, c, parts});
+        threads_run(j->in->pool, count, 1, measure_part, &(parts_job){j->m, c, parts});
         for (size_t i = 0; i < count; i++) {
             c->volume += parts[i].volume;
             c->box = bbox_unite(c->box, parts[i].box);
@@ -362,7 +362,7 @@ static bool measure_components(judging *j, error *e)
 
 /* ---- nesting of components */
 
-static bool holds_point(const judging *j, const component *c, vec3 p, winding_point at)
+static bool holds_point(const component_check *j, const component *c, vec3 p, winding_point at)
 {
     if (!bbox_contains(c->box, p)) return false;
     int winding = 0, crossings = 0;
@@ -381,7 +381,7 @@ static bool holds_point(const judging *j, const component *c, vec3 p, winding_po
 
 /* Whether `inner` lies inside `outer`, by the majority of three of its triangles: one of them may touch
  * it. */
-static bool holds(const judging *j, const component *outer, const component *inner)
+static bool holds(const component_check *j, const component *outer, const component *inner)
 {
     if (!(inner->box.min.x >= outer->box.min.x && inner->box.max.x <= outer->box.max.x &&
           inner->box.min.y >= outer->box.min.y && inner->box.max.y <= outer->box.max.y &&
@@ -423,7 +423,7 @@ static void settle_component(component *c, const component *around, uint32_t *so
     c->solid = (*solids)++;
 }
 
-static bool nest(judging *j, uint32_t *solids, error *e)
+static bool nest(component_check *j, uint32_t *solids, error *e)
 {
     component **order = mem_array(j->component_count, sizeof *order, what, e);
     if (!order) return false;
@@ -456,7 +456,7 @@ static bool nest(judging *j, uint32_t *solids, error *e)
     return true;
 }
 
-static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *e)
+static bool gather_solids(component_check *j, uint32_t solids, mesh_solids *out, error *e)
 {
     uint32_t *rank = mem_array(j->component_count, sizeof *rank, what, e);
     out->first = mem_array(solids + 1, sizeof *out->first, what, e);
@@ -485,11 +485,11 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
     return ok;
 }
 
-static bool settle(judging *j, mesh_solids *out, error *e)
+static bool settle(component_check *j, mesh_solids *out, error *e)
 {
     uint32_t solids = 0;
-    j->edges =
-        mesh_edges_close_seams(j->m, j->in->edges, j->in->tolerance, j->in->pool, &j->own, j->notes, e);
+    j->edges = mesh_edges_close_seams(j->m, j->in->edges, j->in->tolerance, j->in->pool, &j->listed_edges,
+                                      j->notes, e);
     if (!j->edges || !orientation_init(&j->turned, j->m->triangle_count, e) || !join_triangles(j, e) ||
         !number_components(j, e))
         return false;
@@ -498,7 +498,7 @@ static bool settle(judging *j, mesh_solids *out, error *e)
                   "%zu edges at which four or more triangles meet: the mesh is closed but not manifold",
                   j->edges->branching);
     j->edges = NULL;
-    mesh_edges_free(&j->own);
+    mesh_edges_free(&j->listed_edges);
     orient(j);
     uint32_t *rank = mem_array(j->component_count, sizeof *rank, what, e);
     if (!rank) return false;
@@ -510,10 +510,10 @@ static bool settle(judging *j, mesh_solids *out, error *e)
 
 bool mesh_repair_solids(mesh *m, const mesh_repair_input *in, mesh_solids *out, mesh_notes *notes, error *e)
 {
-    judging j = {.m = m, .in = in, .notes = notes};
+    component_check j = {.m = m, .in = in, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
-    mesh_edges_free(&j.own);
+    mesh_edges_free(&j.listed_edges);
     orientation_free(&j.turned);
     free(j.number);
     free(j.components);

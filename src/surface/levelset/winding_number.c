@@ -47,15 +47,15 @@ static void range_of(int32_t a, int32_t b, int32_t c, int32_t *low, int32_t *hig
     if (*low < 0) *low = 0;
 }
 
-typedef struct scanning {
+typedef struct crossing_job {
     winding_columns *columns;
     const mesh *m;
     const uint32_t *first_of_solid;
     bool place; /* store the crossings; false: count them */
-} scanning;
+} crossing_job;
 
 /* Counts the crossings of one triangle in c->first, or stores them. */
-static void scan_triangle(const scanning *s, const winding_point p[3], uint32_t solid)
+static void scan_triangle(const crossing_job *s, const winding_point p[3], uint32_t solid)
 {
     winding_columns *c = s->columns;
     int32_t x0, x1, y0, y1;
@@ -74,7 +74,7 @@ static void scan_triangle(const scanning *s, const winding_point p[3], uint32_t 
 
 static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const scanning *s = context;
+    const crossing_job *s = context;
     uint32_t solid = 0;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
@@ -109,7 +109,7 @@ bool winding_make(const mesh *m, const uint32_t *first_of_solid, size_t solid_co
 {
     const winding_point high = winding_fix(bbox_of_points(m->vertex, m->vertex_count, pool).max);
     winding_columns c = {.nx = (high.x >> WINDING_BITS) + 1, .ny = (high.y >> WINDING_BITS) + 1};
-    scanning s = {&c, m, first_of_solid, false};
+    crossing_job s = {&c, m, first_of_solid, false};
     const size_t triangles = first_of_solid[solid_count];
     size_t lines = (size_t)c.nx * (size_t)c.ny;
     if ((lines + 1) * sizeof *c.first > memory_limit) goto too_large;

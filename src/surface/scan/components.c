@@ -31,13 +31,14 @@ enum { SHIFT = 2, SIDE = 1 << SHIFT, BLOCK = SIDE * SIDE * SIDE };
 /* Cells of one size, by their positions in a lattice. */
 typedef struct lattice {
     const field *field;
-    vec3 first;            /* centre of the first cell, whose position is (0, 0, 0) */
-    double to_cells[3][4]; /* converts offsets in world space to cells */
-    atomic_bool lost;      /* a position is not valid: coordinates are too large */
-    int32_t (*at)[3];      /* per cell: its position */
-    uint8_t *passed; /* per cell: the faces that the surface crosses; bit 2 axis + 1 is the face at the upper
+    vec3 first;                       /* centre of the first cell, whose position is (0, 0, 0) */
+    double to_cells[3][4];            /* converts offsets in world space to cells */
+    atomic_bool has_invalid_position; /* a position is not valid: coordinates are too large */
+    int32_t (*at)[3];                 /* per cell: its position */
+    uint8_t *
+        crossed_faces; /* per cell: the faces that the surface crosses; bit 2 axis + 1 is the face at the upper
                       * end */
-    block_map map;   /* blocks that contain cells */
+    block_map map;     /* blocks that contain cells */
     uint32_t (*cell)[BLOCK]; /* per block and position: index of the cell + 1, or 0 */
     uint32_t *parent;
 } lattice;
@@ -61,16 +62,16 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         field_cell cell;
         l->field->ops->cell(l->field, k, &cell);
-        const vec3 middle = field_cell_middle(&cell), by = vec3_sub(middle, l->first),
-                   way = affine_apply(l->to_cells, by.x, by.y, by.z);
+        const vec3 middle = field_cell_middle(&cell), offset = vec3_sub(middle, l->first),
+                   way = affine_apply(l->to_cells, offset.x, offset.y, offset.z);
         for (int axis = 0; axis < 3; axis++) {
             const double along = vec3_get(way, axis), whole = rint(along);
             if (fabs(along - whole) < CLEAR && fabs(whole) < LARGEST)
                 l->at[k][axis] = (int32_t)whole;
             else
-                atomic_store_explicit(&l->lost, true, memory_order_relaxed);
+                atomic_store_explicit(&l->has_invalid_position, true, memory_order_relaxed);
         }
-        l->passed[k] = (uint8_t)field_cell_passed_faces(&cell);
+        l->crossed_faces[k] = (uint8_t)field_cell_passed_faces(&cell);
     }
 }
 
@@ -83,7 +84,7 @@ static uint32_t *find_place(const lattice *l, const int32_t at[3], block_map_see
     return &l->cell[block][((at[0] & mask) * SIDE + (at[1] & mask)) * SIDE + (at[2] & mask)];
 }
 
-static bool note_places(lattice *l, size_t cells, error *e)
+static bool store_positions(lattice *l, size_t cells, error *e)
 {
     block_map_seen seen = {0};
     int32_t last[3] = {INT32_MAX, 0, 0};
@@ -106,7 +107,7 @@ static void join_chunk(void *context, int worker, size_t begin, size_t end)
     block_map_seen seen = {0};
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        for (unsigned faces = l->passed[k]; faces; faces &= faces - 1) {
+        for (unsigned faces = l->crossed_faces[k]; faces; faces &= faces - 1) {
             const int face = __builtin_ctz(faces);
             int32_t at[3] = {l->at[k][0], l->at[k][1], l->at[k][2]};
             at[face >> 1] += face & 1 ? 1 : -1;
@@ -121,19 +122,19 @@ static bool join_even(const field *f, size_t cells, uint32_t *parent, threads *p
 {
     lattice l = {.field = f,
                  .at = mem_array(cells, sizeof *l.at, what, e),
-                 .passed = mem_array(cells, sizeof *l.passed, what, e),
+                 .crossed_faces = mem_array(cells, sizeof *l.crossed_faces, what, e),
                  .parent = parent};
-    bool ok = l.at && l.passed && block_map_init(&l.map, cells / SIDE / SIDE, e);
+    bool ok = l.at && l.crossed_faces && block_map_init(&l.map, cells / SIDE / SIDE, e);
     if (ok) {
         measure_lattice(&l);
         threads_run(pool, cells, CHUNK, place_chunk, &l);
-        *all_placed = !atomic_load(&l.lost);
+        *all_placed = !atomic_load(&l.has_invalid_position);
     }
-    ok = ok && (threads_stopped(pool) || !*all_placed || note_places(&l, cells, e));
+    ok = ok && (threads_stopped(pool) || !*all_placed || store_positions(&l, cells, e));
     if (ok && *all_placed) threads_run(pool, cells, CHUNK, join_chunk, &l);
     ok = ok && threads_may_go_on(pool, e);
     free(l.at);
-    free(l.passed);
+    free(l.crossed_faces);
     block_map_free(&l.map);
     free(l.cell);
     return ok;

@@ -373,14 +373,14 @@ static int fit_lanes(mesh_curvature *c, neighbourhood *n, jet_lanes *j, const at
     return left;
 }
 
-typedef struct fitting {
+typedef struct fit_job {
     mesh_curvature *c;
     size_t first;
-} fitting;
+} fit_job;
 
 static void fit_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const fitting *job = context;
+    const fit_job *job = context;
     mesh_curvature *c = job->c;
     neighbourhood *n = mem_alloc(sizeof *n);
     jet_lanes *j = mem_array(1, sizeof *j, what, NULL);
@@ -426,7 +426,7 @@ static bool add_values(mesh_curvature *c, size_t first, error *e)
 bool mesh_curvature_prepare(mesh_curvature *c, const uint32_t *triangle, size_t count, threads *pool,
                             error *e)
 {
-    const fitting job = {c, c->count};
+    const fit_job job = {c, c->count};
     for (size_t k = 0; k < count; k++)
         if (!request_triangle(c, triangle[k], e)) return false;
     if (!add_values(c, job.first, e)) return false;

@@ -33,15 +33,15 @@ typedef struct cut {
     double cosine;                   /* between the normals of the two triangles; 0: there are not two */
 } cut;
 
-typedef struct making {
+typedef struct patches_build {
     mesh *m;
     const mesh_patches_params *params;
     double extent; /* longest side of the mesh's box */
     const mesh_edges *edges;
-    mesh_edges own;  /* if they were not given */
-    vec3 *normal;    /* per triangle, unit; zero: it has none */
-    bool *is_cut;    /* per edge, at its first side */
-    bool was_closed; /* the mesh was closed before duplicate faces were removed */
+    mesh_edges listed_edges; /* if they were not given */
+    vec3 *normal;            /* per triangle, unit; zero: it has none */
+    bool *is_cut;            /* per edge, at its first side */
+    bool was_closed;         /* the mesh was closed before duplicate faces were removed */
     orientation turned;
     uint32_t *patch; /* per triangle */
     cut *cuts;
@@ -53,12 +53,12 @@ typedef struct making {
     double bend;  /* radians: a curve that bends by more at a vertex has a corner there; 0: bends make no
                    * corners */
     mesh_patches *out;
-} making;
+} patches_build;
 
 /* ---- which edges are features */
 
 /* The normal of a triangle, zero if it is too thin, and its longest edge. */
-static vec3 triangle_normal(const making *k, size_t n, int *longest)
+static vec3 triangle_normal(const patches_build *k, size_t n, int *longest)
 {
     const mesh *m = k->m;
     const uint32_t *t = m->triangle[n];
@@ -98,14 +98,14 @@ static const mesh_side *other_side(const mesh_edges *edges, uint32_t a, uint32_t
 
 static void normal_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    making *k = context;
+    patches_build *k = context;
     int longest;
     (void)worker;
     for (size_t n = begin; n < end; n++) k->normal[n] = triangle_normal(k, n, &longest);
 }
 
 /* Computes the normals. A triangle that is too thin gets the normal of its neighbour at its longest edge. */
-static bool find_normals(making *k, error *e)
+static bool find_normals(patches_build *k, error *e)
 {
     const mesh *m = k->m;
     k->normal = mem_array(m->triangle_count, sizeof *k->normal, what, e);
@@ -131,7 +131,7 @@ static bool find_normals(making *k, error *e)
 }
 
 /* The dihedral angle at an edge of two triangles, radians; 0: they are coplanar. */
-static double angle_at(const making *k, const mesh_side *s)
+static double angle_at(const patches_build *k, const mesh_side *s)
 {
     const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
     if (!has_normal(a) || !has_normal(b)) return 0;
@@ -160,7 +160,7 @@ static void bends_add(bends *b, double angle, double length)
 }
 
 /* The angle above which edges, or bends of curves, are features. */
-static double feature_angle(const making *k, const bends *b)
+static double feature_angle(const patches_build *k, const bends *b)
 {
     if (k->params->feature_angle != MESH_PATCHES_AUTOMATIC) return k->params->feature_angle;
     return b->near <= most_near * b->above ? MESH_PATCHES_ANGLE : 0;
@@ -168,7 +168,7 @@ static double feature_angle(const making *k, const bends *b)
 
 /* Whether the dihedral angle of an edge is certainly below `flat_below`, as at most edges; computed
  * without the angle. */
-static bool is_flat(const making *k, const mesh_side *s)
+static bool is_flat(const patches_build *k, const mesh_side *s)
 {
     static const double surely = 0.99;
     const vec3 a = k->normal[s[0].triangle], b = k->normal[s[1].triangle];
@@ -182,13 +182,13 @@ static double length_of(const mesh *m, uint32_t a, uint32_t b)
     return vec3_norm(vec3_sub(m->vertex[b], m->vertex[a]));
 }
 
-static bool is_bent(const making *k, const mesh_side *s, double angle)
+static bool is_bent(const patches_build *k, const mesh_side *s, double angle)
 {
     return !(angle >= flat_below && is_flat(k, s)) && angle_at(k, s) > angle;
 }
 
 /* The dihedral angle above which edges are feature edges. *is_scan: the mesh is not CAD-like. */
-static double find_angle(const making *k, bool *is_scan)
+static double find_angle(const patches_build *k, bool *is_scan)
 {
     bends all = {0};
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
@@ -234,7 +234,7 @@ static void free_groups(feature_groups *g)
     free(g->chain_edges);
 }
 
-static bool make_groups(const making *k, feature_groups *g, error *e)
+static bool make_groups(const patches_build *k, feature_groups *g, error *e)
 {
     const size_t n = k->cut_count, v = k->m->vertex_count;
     g->edge = mem_array(n, sizeof *g->edge, what, e);
@@ -250,7 +250,7 @@ static bool make_groups(const making *k, feature_groups *g, error *e)
            g->chain_length && g->chain_edges;
 }
 
-static void list_bent(const making *k, feature_groups *g)
+static void list_bent(const patches_build *k, feature_groups *g)
 {
     sets_reset(g->network, k->cut_count);
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
@@ -258,13 +258,13 @@ static void list_bent(const making *k, feature_groups *g)
             const mesh_side *s = k->edges->sides + i;
             n = mesh_edges_width(k->edges, v, i);
             if (!k->is_cut[i]) continue;
-            const uint32_t own = (uint32_t)g->count++;
-            bent_edge *b = &g->edge[own];
+            const uint32_t number = (uint32_t)g->count++;
+            bent_edge *b = &g->edge[number];
             *b = (bent_edge){{v, s->other}, i, n == 2 ? angle_at(k, s) : M_PI, length_of(k->m, v, s->other)};
             for (int end = 0; end < 2; end++) {
                 const uint32_t at = b->end[end], there = g->degree[at]++;
-                if (there < 2) g->at[at][there] = own;
-                if (there > 0) sets_join(g->network, own, g->at[at][0]);
+                if (there < 2) g->at[at][there] = number;
+                if (there > 0) sets_join(g->network, number, g->at[at][0]);
             }
         }
 }
@@ -281,7 +281,7 @@ static uint32_t end_beyond(const bent_edge *b, uint32_t v)
     return b->end[b->end[0] == v];
 }
 
-static void measure_groups(const making *k, feature_groups *g)
+static void measure_groups(const patches_build *k, feature_groups *g)
 {
     sets_reset(g->chain, g->count);
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
@@ -305,7 +305,7 @@ static void measure_groups(const making *k, feature_groups *g)
 static const double least_length = 4, surely_bent = 1;
 enum { LEAST_EDGES = 16 };
 
-static bool is_ignored(const making *k, feature_groups *g, uint32_t c, bool is_scan)
+static bool is_ignored(const patches_build *k, feature_groups *g, uint32_t c, bool is_scan)
 {
     const uint32_t network = sets_root(g->network, c), chain = sets_root(g->chain, c);
     const double shortest = least_length * k->params->spacing;
@@ -314,7 +314,7 @@ static bool is_ignored(const making *k, feature_groups *g, uint32_t c, bool is_s
 }
 
 /* Sharp edges caused by noise or decimation, or within a small region, are not feature edges. */
-static bool discard_features(making *k, bool is_scan, mesh_notes *notes, error *e)
+static bool discard_features(patches_build *k, bool is_scan, mesh_notes *notes, error *e)
 {
     feature_groups g = {0};
     size_t dropped = 0;
@@ -337,7 +337,7 @@ static bool discard_features(making *k, bool is_scan, mesh_notes *notes, error *
 }
 
 /* Marks the edges at which patches end. */
-static void mark_cuts(making *k, double angle)
+static void mark_cuts(patches_build *k, double angle)
 {
     const uint32_t *kind = k->params->kind;
     for (uint32_t v = 0; v < k->m->vertex_count; v++)
@@ -351,7 +351,7 @@ static void mark_cuts(making *k, double angle)
 }
 
 /* Marks the edges at which patches end, and joins triangles at the others. */
-static bool cut_edges(making *k, mesh_notes *notes, error *e)
+static bool cut_edges(patches_build *k, mesh_notes *notes, error *e)
 {
     bool is_scan;
     mesh_patches *out = k->out;
@@ -380,7 +380,7 @@ static bool cut_edges(making *k, mesh_notes *notes, error *e)
 
 /* ---- patches */
 
-static bool number_patches(making *k, error *e)
+static bool number_patches(patches_build *k, error *e)
 {
     mesh_patches *out = k->out;
     const size_t triangles = k->m->triangle_count;
@@ -421,7 +421,7 @@ static bool number_patches(making *k, error *e)
 
 /* ---- curves */
 
-static bool list_cuts(making *k, error *e)
+static bool list_cuts(patches_build *k, error *e)
 {
     k->cuts = mem_array(k->cut_count, sizeof *k->cuts, what, e);
     k->patches = mem_array(3 * k->m->triangle_count, sizeof *k->patches, what, e);
@@ -450,7 +450,7 @@ static bool list_cuts(making *k, error *e)
     return true;
 }
 
-static size_t cuts_at(const making *k, uint32_t v)
+static size_t cuts_at(const patches_build *k, uint32_t v)
 {
     return k->at[v + 1] - k->at[v];
 }
@@ -461,14 +461,14 @@ static uint32_t far_end(const cut *c, uint32_t v)
 }
 
 /* The angle between the two cuts at v, radians. */
-static double bend_at(const making *k, uint32_t v)
+static double bend_at(const patches_build *k, uint32_t v)
 {
     const cut *one = &k->cuts[k->around[k->at[v]]], *other = &k->cuts[k->around[k->at[v] + 1]];
     return bend_at_vertex(k->m, far_end(one, v), v, far_end(other, v));
 }
 
 /* Whether one curve continues through v. */
-static bool goes_on(const making *k, uint32_t v)
+static bool goes_on(const patches_build *k, uint32_t v)
 {
     if (cuts_at(k, v) != 2) return false;
     const cut *a = &k->cuts[k->around[k->at[v]]], *b = &k->cuts[k->around[k->at[v] + 1]];
@@ -478,7 +478,7 @@ static bool goes_on(const making *k, uint32_t v)
            (k->bend == 0 || bend_at(k, v) <= k->bend);
 }
 
-static void find_corners(making *k)
+static void find_corners(patches_build *k)
 {
     bends all = {0};
     for (uint32_t v = 0; v < k->m->vertex_count; v++) {
@@ -496,7 +496,7 @@ static void find_corners(making *k)
 }
 
 /* Adds the curve that begins at `start` with cut `c` and ends at the next corner, or closes. */
-static void follow(making *k, uint32_t start, uint32_t c, bool *done)
+static void follow(patches_build *k, uint32_t start, uint32_t c, bool *done)
 {
     mesh_patches *out = k->out;
     field_curve *curve = &out->curve[out->curve_count];
@@ -520,7 +520,7 @@ static void follow(making *k, uint32_t start, uint32_t c, bool *done)
     out->curve_count++;
 }
 
-static bool make_curves(making *k, error *e)
+static bool make_curves(patches_build *k, error *e)
 {
     mesh_patches *out = k->out;
     if (!list_cuts(k, e)) return false;
@@ -549,7 +549,7 @@ static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t v)
 }
 
 /* The edges within patches: joins the corners that share a vertex. Cut edges: marks their corners. */
-static void sort_corners(making *k, uint32_t *set, bool *on_cut)
+static void sort_corners(patches_build *k, uint32_t *set, bool *on_cut)
 {
     const mesh *m = k->m;
     sets_reset(set, 3 * m->triangle_count);
@@ -568,7 +568,7 @@ static void sort_corners(making *k, uint32_t *set, bool *on_cut)
 }
 
 /* Assigns vertices: corners of triangles that are connected by edges that are not cut share one. */
-static bool part_vertices(making *k, error *e)
+static bool part_vertices(patches_build *k, error *e)
 {
     const mesh *m = k->m;
     mesh_patches *out = k->out;
@@ -609,7 +609,7 @@ static bool part_vertices(making *k, error *e)
 /* ---- the whole */
 
 /* Removes coplanar overlaps of faces. *edges: the edges of the mesh, updated. */
-static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes, error *e)
+static bool cut_coplanar(patches_build *k, const mesh_edges **edges, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
     const rounding r = rounding_of(m, k->params->pool);
@@ -640,40 +640,41 @@ static bool cut_coplanar(making *k, const mesh_edges **edges, mesh_notes *notes,
             "faces touch in one plane: an area of %.4g lies in two faces that look opposite ways. It has no points, as "
             "neither bounds the solid; move the faces apart to sample both.",
             over.contact);
-    *edges = &k->own;
+    *edges = &k->listed_edges;
     k->was_closed = !open;
     const rounding thin = {COPLANAR_THIN * r.absolute, COPLANAR_THIN * r.relative};
     return flat_triangles_remove_thin(m, &thin, e) && mesh_weld(m, MESH_DROP_IF_CLOSED, notes, e) &&
-           mesh_edges_list(m, k->params->pool, &k->own, e);
+           mesh_edges_list(m, k->params->pool, &k->listed_edges, e);
 }
 
-static bool weld(making *k, mesh_notes *notes, error *e)
+static bool weld(patches_build *k, mesh_notes *notes, error *e)
 {
     mesh *m = k->m;
-    const mesh_edges *edges = k->params->edges ? k->params->edges : &k->own;
+    const mesh_edges *edges = k->params->edges ? k->params->edges : &k->listed_edges;
     if (!mesh_weld(m, MESH_DROP_IF_CLOSED, notes, e)) return false;
     if (m->triangle_count == 0)
         return error_set(e, ERROR_NO_SURFACE,
                          "all triangles of the mesh have an area of 0: correct the file");
-    if (!k->params->edges && !mesh_edges_list(m, k->params->pool, &k->own, e)) return false;
+    if (!k->params->edges && !mesh_edges_list(m, k->params->pool, &k->listed_edges, e)) return false;
     if (!cut_coplanar(k, &edges, notes, e)) return false;
     k->edges = mesh_edges_close_seams(m, edges, k->params->weld * bbox_longest(mesh_box(m, k->params->pool)),
-                                      k->params->pool, &k->own, notes, e);
+                                      k->params->pool, &k->listed_edges, notes, e);
     if (!k->edges || m->welded) return k->edges;
-    k->edges = &k->own; /* faces may coincide now */
-    return mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) && mesh_edges_list(m, k->params->pool, &k->own, e);
+    k->edges = &k->listed_edges; /* faces may coincide now */
+    return mesh_weld(m, MESH_KEEP_CANCELLED, notes, e) &&
+           mesh_edges_list(m, k->params->pool, &k->listed_edges, e);
 }
 
 /* A mesh with kinds is complete: it is not welded. */
-static bool list_edges(making *k, mesh_notes *notes, error *e)
+static bool list_edges(patches_build *k, mesh_notes *notes, error *e)
 {
     if (!k->params->kind) return weld(k, notes, e);
-    k->edges = &k->own;
-    return mesh_edges_list(k->m, k->params->pool, &k->own, e);
+    k->edges = &k->listed_edges;
+    return mesh_edges_list(k->m, k->params->pool, &k->listed_edges, e);
 }
 
 /* Frees what is not needed after the curves are made. */
-static void free_curve_scratch(making *k)
+static void free_curve_scratch(patches_build *k)
 {
     orientation_free(&k->turned);
     free(k->normal);
@@ -689,7 +690,7 @@ static void free_curve_scratch(making *k)
     k->corner = NULL;
 }
 
-static bool make(making *k, mesh_notes *notes, error *e)
+static bool make(patches_build *k, mesh_notes *notes, error *e)
 {
     if (!list_edges(k, notes, e) || !cut_edges(k, notes, e) || !threads_may_go_on(k->params->pool, e))
         return false;
@@ -702,9 +703,9 @@ bool mesh_patches_make(mesh *m, const mesh_patches_params *params, mesh_notes *n
                        error *e)
 {
     mesh_patches made = {0};
-    making k = {.m = m, .params = params, .out = &made};
+    patches_build k = {.m = m, .params = params, .out = &made};
     bool ok = make(&k, notes, e);
-    mesh_edges_free(&k.own);
+    mesh_edges_free(&k.listed_edges);
     free_curve_scratch(&k);
     free(k.is_cut);
     free(k.patch);

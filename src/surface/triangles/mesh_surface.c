@@ -704,12 +704,12 @@ static double no_side(const field *f, vec3 x)
 /* Approximate number of bytes that a scan of the surface keeps per piece. */
 enum { SCAN_BYTES = 40 };
 
-typedef struct cutting {
+typedef struct division_limits {
     double longest; /* maximum edge length of a piece */
     size_t most;    /* maximum number of pieces */
-} cutting;
+} division_limits;
 
-static bool refuse_pieces(const cutting *c, error *e)
+static bool refuse_pieces(const division_limits *c, error *e)
 {
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -724,7 +724,7 @@ static bool is_whole(const piece *p)
            p->corner[2].of[1] == 0;
 }
 
-static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *e)
+static bool add_piece(mesh_surface *s, const piece *p, const division_limits *c, error *e)
 {
     if (s->cell_count == c->most) return refuse_pieces(c, e);
     s->cell_count++;
@@ -741,7 +741,8 @@ static bool add_piece(mesh_surface *s, const piece *p, const cutting *c, error *
 
 /* Halves the edges that are too long, down to the resolution of the weights. The decision depends on the ends
  * of an edge only, so that the pieces on both sides agree. */
-static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], const cutting *c, error *e)
+static bool cut_piece(mesh_surface *s, const piece *p, const vec3 corner[3], const division_limits *c,
+                      error *e)
 {
     vec3 at[6] = {corner[0], corner[1], corner[2]}; /* entry 3 + k: the midpoint of the edge from corner k */
     corner_weights w[6] = {p->corner[0], p->corner[1], p->corner[2]};
@@ -807,7 +808,8 @@ static double longest_edge(const mesh *m)
 static bool cut_pieces(mesh_surface *s, double longest, size_t memory_limit, const threads *pool, error *e)
 {
     const mesh *m = &s->mesh.m;
-    const cutting c = {longest, mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
+    const division_limits c = {longest,
+                               mem_left(memory_limit, triangle_bytes(s)) / (sizeof(piece) + SCAN_BYTES)};
     /* the pieces along the longest edge alone would exceed the limit: refused before the recursion goes so
      * deep */
     if (longest_edge(m) / longest > (double)c.most) return refuse_pieces(&c, e);

@@ -65,14 +65,14 @@ static bool list_neighbours(smooth_sides *s, threads *pool, error *e)
 
 /* ---- creases and coplanar triangles */
 
-typedef struct marking {
+typedef struct smooth_check {
     smooth_sides *s;
     double reach;  /* rounding error of the distance of a vertex from a plane */
     double crease; /* tangent of the angle; INFINITY: no angle */
-} marking;
+} smooth_check;
 
 /* Whether a place lies in the plane across `normal` through another place, up to rounding. */
-static bool is_in_plane(const marking *k, vec3 normal, vec3 through, vec3 x)
+static bool is_in_plane(const smooth_check *k, vec3 normal, vec3 through, vec3 x)
 {
     const double up = vec3_dot(vec3_sub(x, through), normal);
     return up * up <= k->reach * k->reach * vec3_norm2(normal);
@@ -85,7 +85,7 @@ static unsigned opposite(const uint32_t *t, uint32_t a, uint32_t b)
 }
 
 /* The bits of side k of triangle n with the normal `own`. The same for both triangles of a side, to the last bit. */
-static unsigned bits_of(const marking *job, size_t n, int k, vec3 own)
+static unsigned bits_of(const smooth_check *job, size_t n, int k, vec3 own)
 {
     const smooth_sides *s = job->s;
     const uint32_t next = s->beside[n][k];
@@ -109,7 +109,7 @@ static unsigned bits_of(const marking *job, size_t n, int k, vec3 own)
 
 static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const marking *job = context;
+    const smooth_check *job = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         const vec3 own = mesh_across(job->s->m, n);
@@ -126,8 +126,8 @@ bool smooth_sides_make(const mesh *m, const uint32_t (*beside)[3], double crease
     if (!out->bits || !out->corner || (!beside && !list_neighbours(out, pool, e))) return false;
     const rounding r = rounding_of(m, pool);
     const bbox box = mesh_box(m, pool);
-    const marking job = {out, rounding_reach(&r, (const vec3[]){box.min, box.max, box.max}),
-                         isfinite(crease) ? elementary_tan(crease) : INFINITY};
+    const smooth_check job = {out, rounding_reach(&r, (const vec3[]){box.min, box.max, box.max}),
+                              isfinite(crease) ? elementary_tan(crease) : INFINITY};
     threads_run(pool, m->triangle_count, GRAIN, mark_chunk, (void *)&job);
     return threads_may_go_on(pool, e);
 }

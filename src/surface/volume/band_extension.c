@@ -143,13 +143,13 @@ ISA_INLINE lanes bounded(lanes value, lanes raw, int layer)
 }
 
 /* Per row of a layer: the sums of the extrapolated values over all lines, and the number of lines. */
-typedef struct gathered {
+typedef struct line_sums {
     lanes sum[SIDE], count[SIDE];
-} gathered;
+} line_sums;
 
 /* Adds the values of the lines in direction k: linear for voxels in `two`, as a parabola for those also in
  * `bent`. */
-ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, uint64_t bent, gathered *g)
+ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, uint64_t bent, line_sums *g)
 {
     const lanes one = (lanes){0} + 1;
     for (uint64_t rows = rows_with_any(two); rows; rows &= rows - 1) {
@@ -163,7 +163,7 @@ ISA_INLINE void gather_lines(const surroundings *s, int x, int k, uint64_t two, 
 }
 
 /* Adds the values of single known voxels, for voxels without a line. */
-ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, gathered *g)
+ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, line_sums *g)
 {
     const lanes one = (lanes){0} + 1;
     for (uint64_t rows = rows_with_any(of); rows; rows &= rows - 1) {
@@ -177,7 +177,7 @@ ISA_INLINE void gather_flats(const surroundings *s, int x, int k, uint64_t of, g
 ISA_INLINE void extend_layer(const surroundings *s, int x, uint64_t bits, const uint64_t known[18], int layer)
 {
     uint64_t lined = 0;
-    gathered g;
+    line_sums g;
 #pragma GCC unroll 8
     for (int y = 0; y < SIDE; y++) g.sum[y] = g.count[y] = (lanes){0};
 #pragma GCC unroll 6

@@ -12,12 +12,12 @@ enum { SIDE = GRID_VIEW_SIDE, CORNERS = SIDE + 1, BLOCKS = 64 /* per chunk of wo
 
 static const char what[] = "the cells that the surface crosses";
 
-typedef struct making {
+typedef struct cells_job {
     const crossings *crossings;
     const samples *samples;
     crossed_cells *out;
     bool smooth;
-} making;
+} cells_job;
 
 /* A range of corners along the last axis: from the first to the last one plus 1. */
 typedef struct span {
@@ -37,7 +37,7 @@ static span span_of(const cell_block *b, int x, int y)
  * add_up. */
 ISA_CLONES static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *job = context;
+    const cells_job *job = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const crossing_block *from = &job->crossings->blocks[i];
@@ -81,7 +81,7 @@ static bool add_up(crossed_cells *c, error *e)
 bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool, crossed_cells *out, error *e)
 {
     crossed_cells made = {.map = map, .block_count = c->count};
-    making job = {.crossings = c, .out = &made};
+    cells_job job = {.crossings = c, .out = &made};
     made.blocks = mem_array(c->count + 1, sizeof *made.blocks, what, e);
     bool ok = made.blocks;
     if (ok) threads_run(pool, c->count, BLOCKS, count_chunk, &job);
@@ -96,7 +96,7 @@ bool crossed_cells_list(const crossings *c, const block_map *map, threads *pool,
 
 static void value_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *job = context;
+    const cells_job *job = context;
     float corners[CORNERS * CORNERS * CORNERS + CORNERS] = {0}, packed[sizeof corners / sizeof *corners];
     (void)worker;
     for (size_t i = begin; i < end; i++) {
@@ -115,20 +115,20 @@ static void value_chunk(void *context, int worker, size_t begin, size_t end)
 
 bool crossed_cells_take_values(crossed_cells *c, const samples *s, bool smooth, threads *pool, error *e)
 {
-    making job = {.samples = s, .out = c, .smooth = smooth};
+    cells_job job = {.samples = s, .out = c, .smooth = smooth};
     c->value = mem_array(c->blocks[c->block_count].values, sizeof *c->value, what, e);
     if (c->value) threads_run(pool, c->block_count, BLOCKS, value_chunk, &job);
     return c->value;
 }
 
-typedef struct marking {
+typedef struct rows_job {
     const crossed_cells *cells;
     uint8_t *rows;
-} marking;
+} rows_job;
 
 static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const marking *job = context;
+    const rows_job *job = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const cell_block *b = &job->cells->blocks[i];
@@ -141,7 +141,7 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 
 void crossed_cells_mark(const crossed_cells *c, threads *pool, uint8_t *rows)
 {
-    marking job = {c, rows};
+    rows_job job = {c, rows};
     threads_run(pool, c->block_count, BLOCKS, mark_chunk, &job);
 }
 

@@ -29,14 +29,14 @@ static bool append(crossings *c, const crossing_block *b, error *e)
 
 /* The corners of the cells of a layer, as bits of the cells: the corner of the cell, and those one step
  * along y, along z, and along both. */
-typedef struct beside {
+typedef struct cell_corners {
     uint64_t own, y, z, yz;
-} beside;
+} cell_corners;
 
-ISA_INLINE beside corners_of(const corner_bits *c, int x)
+ISA_INLINE cell_corners corners_of(const corner_bits *c, int x)
 {
     const uint64_t low = 0x0101010101010101u;
-    beside b = {.own = c->at[0][x]};
+    cell_corners b = {.own = c->at[0][x]};
     /* corners z = 8; from y = 1 */
     const uint64_t upper = (c->at[2][x] & low) >> 8 | c->at[3][x] << 56;
     b.y = b.own >> 8 | c->at[1][x] << 56;
@@ -49,13 +49,13 @@ ISA_INLINE beside corners_of(const corner_bits *c, int x)
  * bit. */
 ISA_INLINE uint64_t some(const corner_bits *c, int x)
 {
-    const beside b = corners_of(c, x);
+    const cell_corners b = corners_of(c, x);
     return b.own | b.y | b.z | b.yz;
 }
 
 ISA_INLINE uint64_t all(const corner_bits *c, int x)
 {
-    const beside b = corners_of(c, x);
+    const cell_corners b = corners_of(c, x);
     return b.own & b.y & b.z & b.yz;
 }
 

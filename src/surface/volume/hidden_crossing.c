@@ -577,15 +577,15 @@ static bool follow(search *s, error *e)
 }
 
 /* Flood fill over the cells, without those that were found. */
-typedef struct flooding {
+typedef struct flood_job {
     const search *search;
     bool ok;
     error *e;
-} flooding;
+} flood_job;
 
 static void flood_cells(void *context)
 {
-    flooding *f = context;
+    flood_job *f = context;
     f->ok = flood_reaches_all(f->search->map, f->search->crossed, &f->search->out->joined, f->e);
 }
 
@@ -606,7 +606,7 @@ bool hidden_crossing_find(const coefficient_blocks *b, const int64_t size[3], do
     out->flat = mem_array(bytes, 1, what, e);
     out->gentle = mem_array(bytes, 1, what, e);
     bool ok = s.pending && out->passed && out->flat && out->gentle;
-    flooding all = {&s, true, e};
+    flood_job all = {&s, true, e};
     if (ok) {
         threads_run_beside(pool, flood_cells, &all, map->count, BLOCKS, leak_chunk, &s);
         if ((double)s.bent > BENT_MOST * (double)s.cells) memset(out->gentle, 0, bytes);

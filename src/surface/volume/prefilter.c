@@ -124,7 +124,7 @@ ISA_INLINE void copy_bits(const uint64_t bits[SIDE], int axis, uint64_t row[SIDE
     for (int k = 0; k < SIDE; k++) row[k] = axis == 0 ? layer[k] : block_turned(layer, k);
 }
 
-typedef struct filtering {
+typedef struct prefilter_job {
     samples *s;
     bool known;
     const uint8_t *counts; /* per block: it has a voxel that counts */
@@ -133,10 +133,10 @@ typedef struct filtering {
     float *turned;         /* per worker: the permuted voxels of a run along the last axis */
     size_t longest;        /* length of the longest run, in rows */
     int axis;
-} filtering;
+} prefilter_job;
 
 /* The adjacent block below (side 0) or above in the run, or BLOCK_MAP_NONE. */
-static uint32_t beside(const filtering *job, uint32_t n, int side)
+static uint32_t beside(const prefilter_job *job, uint32_t n, int side)
 {
     const uint32_t next = job->s->near[6 * (size_t)n + (size_t)(2 * job->axis + side)];
     return next != BLOCK_MAP_NONE && job->counts[next] ? next : BLOCK_MAP_NONE;
@@ -144,7 +144,7 @@ static uint32_t beside(const filtering *job, uint32_t n, int side)
 
 ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const filtering *job = context;
+    const prefilter_job *job = context;
     const samples *s = job->s;
     run *r = &job->runs[worker];
     float *turned = job->turned + (size_t)worker * job->longest * SIDE * SIDE;
@@ -174,7 +174,7 @@ ISA_CLONES static void filter_chunk(void *context, int worker, size_t begin, siz
 }
 
 /* Finds the runs along the axis and the length of the longest one. Returns their number. */
-static size_t find_runs(filtering *job)
+static size_t find_runs(prefilter_job *job)
 {
     size_t count = 0;
     job->longest = 0;
@@ -188,7 +188,7 @@ static size_t find_runs(filtering *job)
     return count;
 }
 
-static bool filter_axis(filtering *job, threads *pool, error *e)
+static bool filter_axis(prefilter_job *job, threads *pool, error *e)
 {
     const char *what = "a run of voxels";
     const size_t runs = find_runs(job), workers = (size_t)threads_count(pool), blocks = job->longest / SIDE,
@@ -213,7 +213,7 @@ bool prefilter_run(samples *s, bool known, threads *pool, error *e)
     run *r = mem_array((size_t)threads_count(pool), sizeof *r, "the runs of voxels", e);
     bool ok = counts && first && r;
     for (size_t n = 0; ok && n < s->map.count; n++) counts[n] = !known || block_has_any(s->known + n * SIDE);
-    filtering job = {.s = s, .known = known, .counts = counts, .first = first, .runs = r};
+    prefilter_job job = {.s = s, .known = known, .counts = counts, .first = first, .runs = r};
     for (; ok && job.axis < 3; job.axis++) ok = filter_axis(&job, pool, e);
     free(counts);
     free(first);

@@ -65,12 +65,12 @@ static bool report_unusable(const samples *s, error *e)
         b[2] * SIDE + (int)(v & 7));
 }
 
-typedef struct reading {
+typedef struct sample_job {
     const grid_view *from;
     samples *s;
     bool sound; /* all values of the grid are usable */
     atomic_bool unusable;
-} reading;
+} sample_job;
 
 /* Whether all values of the grid are usable, so that blocks need no test. */
 static bool is_sound(const grid_view *l)
@@ -85,7 +85,7 @@ static bool is_sound(const grid_view *l)
 
 static void read_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    reading *job = context;
+    sample_job *job = context;
     samples *s = job->s;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
@@ -171,7 +171,7 @@ bool samples_read(const grid_view *l, vdb_grid *grid, samples_leaves taken, bloc
     bool ok = s.f && s.known && s.inside && s.near && place_blocks(&s, l, taken, e);
     if (ok) {
         memset(s.near, 0xFF, n * 6 * sizeof *s.near); /* all entries become BLOCK_MAP_NONE */
-        reading job = {l, &s, is_sound(l), false};
+        sample_job job = {l, &s, is_sound(l), false};
         threads_run(pool, n, BLOCKS, read_chunk, &job);
         ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
     }
