@@ -225,7 +225,7 @@ static void put_rounds(json *report, const solver *s)
     for (size_t k = 0; k < count; k++) {
         json *object = json_append_object(array);
         json_put_string(object, "regime", round[k].regime);
-        json_put_string(object, "began", round[k].began);
+        json_put_string(object, "began", round[k].cause);
         json_put_string(object, "ended", round[k].ended);
         json_put_number(object, "defect_fraction", round[k].defect_fraction);
         json_put_bool(object, "extra_sweeps", round[k].extra_sweeps);

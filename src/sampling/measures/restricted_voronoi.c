@@ -237,7 +237,7 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
                               candidates *out, bool *certain)
 {
     const sites *s = d->s;
-    const node_facing turn = facing_of_node(n);
+    const node_facing thresholds = facing_of_node(n);
     double facing_all = INFINITY, any = INFINITY;
     if (!reserve(d, from->count)) return false;
     uint32_t *list = d->list + d->top, *const given = d->list + from->first;
@@ -248,7 +248,7 @@ static bool choose_candidates(descent *d, const facets_node *n, const candidates
         if (n->piece != FACETS_MIXED && sites_piece(s, i) != n->piece) continue;
         const double distance = vec3_norm(vec3_sub(s->position[i], n->centre));
         if (distance > facing_all + 2 * n->radius) continue;
-        const facing at = facing_at_node(s, &turn, i);
+        const facing at = facing_at_node(s, &thresholds, i);
         if (at == FACING_NONE) continue;
         list[kept++] = i;
         *certain &= at == FACING_ALL;
@@ -525,15 +525,15 @@ static bool is_dominated(const corner_distances *d, const corner_distances *by)
 }
 
 /* The site that is nearest to a corner, or nearest to all corners in the worst case. */
-typedef struct judge {
+typedef struct nearest_site {
     uint32_t site;
     double least;
     corner_distances at;
-} judge;
+} nearest_site;
 
 /* Whether a site coincides with an earlier one. Coincident sites do not dominate each other and no division
  * separates them, so that only the first is kept. */
-static bool is_repeated(uint32_t site, const corner_distances *at, const judge *by)
+static bool is_repeated(uint32_t site, const corner_distances *at, const nearest_site *by)
 {
     return by->site < site && is_equally_far(at, &by->at, 0) && is_equally_far(at, &by->at, 1) &&
            is_equally_far(at, &by->at, 2);
@@ -547,36 +547,38 @@ enum { ALL_CORNERS = 3 };
  * and to all three. False: out of memory. */
 static bool push_undominated(descent *d, const part *t, int changed, size_t from, size_t count)
 {
-    enum { JUDGES = 4 };
-    judge by[JUDGES] = {{.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}};
+    enum { NEAREST_SITES = 4 };
+    nearest_site nearest[NEAREST_SITES] = {
+        {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}, {.least = INFINITY}};
     const size_t base = d->top;
     for (size_t k = 0; k < count; k++) {
-        corner_distances own = d->square[from + k];
+        corner_distances distances = d->square[from + k];
         for (int c = 0; c < 3; c++)
             if (changed == c || changed == ALL_CORNERS)
-                own.of[c] = vec3_norm2(vec3_sub(d->s->position[d->list[from + k]], t->corner[c]));
-        const double value[JUDGES] = {own.of[0], own.of[1], own.of[2], own.of[0] + own.of[1] + own.of[2]};
-        for (int j = 0; j < JUDGES; j++) {
+                distances.of[c] = vec3_norm2(vec3_sub(d->s->position[d->list[from + k]], t->corner[c]));
+        const double value[NEAREST_SITES] = {distances.of[0], distances.of[1], distances.of[2],
+                                             distances.of[0] + distances.of[1] + distances.of[2]};
+        for (int j = 0; j < NEAREST_SITES; j++) {
             const uint32_t site = d->list[from + k];
-            if (value[j] < by[j].least || (value[j] == by[j].least && site < by[j].site))
-                by[j] = (judge){site, value[j], own};
+            if (value[j] < nearest[j].least || (value[j] == nearest[j].least && site < nearest[j].site))
+                nearest[j] = (nearest_site){site, value[j], distances};
         }
         d->list[base + k] = d->list[from + k];
-        d->square[base + k] = own;
+        d->square[base + k] = distances;
     }
     for (size_t k = 0; k < count; k++) {
-        const corner_distances own = d->square[base + k];
+        const corner_distances distances = d->square[base + k];
         const uint32_t site = d->list[base + k];
         bool discarded = false;
-        for (int j = 0; j < JUDGES && !discarded; j++)
-            discarded =
-                is_dominated(&own, &by[j].at) || (count > MOST_CANDIDATES && is_repeated(site, &own, &by[j]));
+        for (int j = 0; j < NEAREST_SITES && !discarded; j++)
+            discarded = is_dominated(&distances, &nearest[j].at) ||
+                        (count > MOST_CANDIDATES && is_repeated(site, &distances, &nearest[j]));
         if (discarded) continue;
         d->list[d->top] = site;
-        d->square[d->top++] = own;
+        d->square[d->top++] = distances;
     }
     bool ok = true;
-    for (int c = 0; ok && c < 3; c++) ok = check_certain(d, by[c].site, by[c].least, NO_SITE);
+    for (int c = 0; ok && c < 3; c++) ok = check_certain(d, nearest[c].site, nearest[c].least, NO_SITE);
     return ok;
 }
 
@@ -925,9 +927,9 @@ static bool visit_small_node(descent *d, uint32_t node, const candidates *from, 
 /* Whether voronoi_is_apart may hold for an item of a node and the point nearest to the node. */
 static bool may_be_apart(const descent *d, const facets_node *n, uint32_t point)
 {
-    const node_facing turn = facing_of_node(n);
+    const node_facing thresholds = facing_of_node(n);
     return n->piece != sites_piece(d->s, point) ||
-           (d->f->in.triangle_count > 0 && facing_at_node(d->s, &turn, point) != FACING_ALL);
+           (d->f->in.triangle_count > 0 && facing_at_node(d->s, &thresholds, point) != FACING_ALL);
 }
 
 /* Processes a node without candidates. */

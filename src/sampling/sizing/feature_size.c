@@ -24,7 +24,7 @@ typedef struct offset {
     double distance; /* between the centres, in cubes */
 } offset;
 
-typedef struct measuring {
+typedef struct feature_search {
     const surface *scan;
     const cell_samples *sample;
     cell_samples on_faces; /* replaces `sample` if cells consist of triangles; owns `normal` only */
@@ -33,7 +33,7 @@ typedef struct measuring {
     elements elements;
     bool *is_asked, *sees; /* per element: a sample in it has no size yet; it has a ball */
     double *size;
-} measuring;
+} feature_search;
 
 static int compare_offsets(const void *a, const void *b)
 {
@@ -44,7 +44,7 @@ static int compare_offsets(const void *a, const void *b)
     return 0;
 }
 
-static bool list_offsets(measuring *m, error *e)
+static bool list_offsets(feature_search *m, error *e)
 {
     m->offset = mem_array(MOST_OFFSETS, sizeof *m->offset, "the feature size", e);
     if (!m->offset) return false;
@@ -84,7 +84,7 @@ static bool is_in_cone(const offset *o, vec3 normal)
 }
 
 /* The radius of the smallest ball within reach. */
-static double find_ball(const measuring *m, vec3 x, vec3 normal)
+static double find_ball(const feature_search *m, vec3 x, vec3 normal)
 {
     const elements *s = &m->elements;
     elements_cube from = elements_cube_of(s, x);
@@ -107,7 +107,7 @@ static double find_ball(const measuring *m, vec3 x, vec3 normal)
 
 static void look_from_elements(void *context, int worker, size_t begin, size_t end)
 {
-    measuring *m = context;
+    feature_search *m = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         const element *n = &m->elements.element[k];
@@ -115,14 +115,14 @@ static void look_from_elements(void *context, int worker, size_t begin, size_t e
     }
 }
 
-static bool is_open(const measuring *m, size_t cell)
+static bool is_open(const feature_search *m, size_t cell)
 {
     return m->sample->found[cell] && isinf(m->size[cell]) && surface_cell_area(m->scan, cell) > 0;
 }
 
 static void look_from_cells(void *context, int worker, size_t begin, size_t end)
 {
-    measuring *m = context;
+    feature_search *m = context;
     const cell_samples *s = m->sample;
     (void)worker;
     for (size_t k = begin; k < end; k++)
@@ -132,7 +132,7 @@ static void look_from_cells(void *context, int worker, size_t begin, size_t end)
 
 /* Finds balls within the reach of cubes of this edge. *open: some cells have no size. False: out of
  * memory. */
-static bool measure_level(measuring *m, double edge, threads *pool, bool *open, error *e)
+static bool measure_level(feature_search *m, double edge, threads *pool, bool *open, error *e)
 {
     const char *what = "the feature size";
     bool ok = elements_make(m->scan, m->sample, edge, &m->elements, e);
@@ -161,7 +161,7 @@ static bool measure_level(measuring *m, double edge, threads *pool, bool *open, 
 
 /* Uses the normals of the triangles themselves. Interpolated normals turn over a whole triangle, so that
  * opposite walls near an edge of large triangles would not be detected. */
-static bool take_faces(measuring *m, const cell_samples *sample, error *e)
+static bool take_faces(feature_search *m, const cell_samples *sample, error *e)
 {
     vec3 t[FIELD_CELL_TRIANGLES][3];
     m->sample = sample;
@@ -185,7 +185,7 @@ static bool take_faces(measuring *m, const cell_samples *sample, error *e)
 bool feature_size_measure(const surface *scan, const cell_samples *sample, threads *pool, double *size,
                           error *e)
 {
-    measuring m = {.scan = scan, .size = size};
+    feature_search m = {.scan = scan, .size = size};
     double edge = ELEMENTS_LEAST_EDGE * scan->field->cell_size, widest = bbox_longest(scan->box);
     bool ok = take_faces(&m, sample, e) && list_offsets(&m, e), open = true;
     for (size_t k = 0; k < scan->cells; k++) size[k] = INFINITY;

@@ -136,7 +136,7 @@ static bool make_nodes(sizing_field *g, const spacing_request *r, const double *
 }
 
 /* State during the construction. */
-typedef struct making {
+typedef struct field_build {
     sizing_field *g;
     threads *pool;
     uint32_t *heap; /* priority heap of nodes that may limit others, smallest spacing first */
@@ -144,9 +144,9 @@ typedef struct making {
     size_t heap_count;
     double *from, *to; /* logarithms of spacings, before and after an averaging pass */
     double *change;    /* per node: change in the last pass */
-} making;
+} field_build;
 
-static void making_free(making *m)
+static void making_free(field_build *m)
 {
     free(m->heap);
     free(m->at);
@@ -165,10 +165,10 @@ static void link_chunk(void *context, int worker, size_t begin, size_t end)
                 node_at(g, g->cubes.blocks[k], i % ROW - 1, i / ROW % ROW - 1, i / (ROW * ROW) - 1);
 }
 
-static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
+static bool making_begin(field_build *m, sizing_field *g, threads *pool, error *e)
 {
     const char *what = "the grading";
-    *m = (making){.g = g, .pool = pool};
+    *m = (field_build){.g = g, .pool = pool};
     g->beside = mem_array(g->count, sizeof *g->beside, what, e);
     m->heap = mem_array(g->count, sizeof *m->heap, what, e);
     m->at = mem_array(g->count, sizeof *m->at, what, e);
@@ -182,12 +182,12 @@ static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
 
 /* --- bounds, growth and the count --- */
 
-static double heap_spacing(const making *m, size_t place)
+static double heap_spacing(const field_build *m, size_t place)
 {
     return m->g->node[m->heap[place]].spacing;
 }
 
-static void heap_put(making *m, size_t place, uint32_t k)
+static void heap_put(field_build *m, size_t place, uint32_t k)
 {
     assert(place < m->g->count && k < m->g->count);
     m->heap[place] = k;
@@ -195,7 +195,7 @@ static void heap_put(making *m, size_t place, uint32_t k)
 }
 
 /* Adds a node, or moves it up after its spacing was reduced. */
-static void heap_add(making *m, uint32_t k)
+static void heap_add(field_build *m, uint32_t k)
 {
     size_t place = m->at[k] ? m->at[k] - 1 : m->heap_count++;
     for (; place > 0 && heap_spacing(m, (place - 1) / 2) > m->g->node[k].spacing; place = (place - 1) / 2)
@@ -203,7 +203,7 @@ static void heap_add(making *m, uint32_t k)
     heap_put(m, place, k);
 }
 
-static uint32_t heap_take(making *m)
+static uint32_t heap_take(field_build *m)
 {
     uint32_t first = m->heap[0], last = m->heap[--m->heap_count];
     m->at[first] = 0;
@@ -219,7 +219,7 @@ static uint32_t heap_take(making *m)
 
 /* Reduces adjacent spacings that exceed that of node k by more than `gradation` times the distance. Returns
  * whether there were any. `only_test`: nothing is changed. */
-static bool limit_neighbours(making *m, uint32_t k, bool only_test)
+static bool limit_neighbours(field_build *m, uint32_t k, bool only_test)
 {
     const node *n = &m->g->node[k];
     for (int i = 0; i < AROUND; i++) {
@@ -237,7 +237,7 @@ static bool limit_neighbours(making *m, uint32_t k, bool only_test)
 
 /* Reduces spacings until none exceeds that of an adjacent node by more than `gradation` times their
  * distance. */
-static void limit_growth(making *m)
+static void limit_growth(field_build *m)
 {
     if (isinf(m->g->params.gradation)) return;
     for (uint32_t k = 0; k < m->g->count; k++)
@@ -247,7 +247,7 @@ static void limit_growth(making *m)
 
 /* Sets the spacings for a scale, and returns the number of points. `widest`: replaces a missing upper
  * bound. */
-static double points_under(making *m, double scale, double widest)
+static double points_under(field_build *m, double scale, double widest)
 {
     sizing_field *g = m->g;
     double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : widest;
@@ -260,7 +260,7 @@ static double points_under(making *m, double scale, double widest)
     return points;
 }
 
-static bool count_impossible(making *m, const surface *scan, size_t count, double widest, error *e)
+static bool count_impossible(field_build *m, const surface *scan, size_t count, double widest, error *e)
 {
     const sizing_field_params *p = &m->g->params;
     double most = packing_count(scan->area, p->min_spacing);
@@ -291,7 +291,7 @@ static bool count_impossible(making *m, const surface *scan, size_t count, doubl
 
 /* Finds the scale for `want` points. Without bounds the number of points is proportional to its inverse
  * square; bounds and growth weaken that. Half a point of error is sufficient. */
-static bool find_scale(making *m, double want, double first, double widest)
+static bool find_scale(field_build *m, double want, double first, double widest)
 {
     double scale = first, low = 0, high = INFINITY,
            near = fmax(NODES_TOLERANCE * want, fmin(0.5, 1e-3 * want));
@@ -318,7 +318,7 @@ static bool find_scale(making *m, double want, double first, double widest)
  * the spacing is at most `bend` / spacing^2 everywhere. Nodes below that do not change. */
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *m = context;
+    const field_build *m = context;
     const node *nodes = m->g->node;
     const double bend = spacing_request_is_at_points(&m->g->params) ? BEND_AT_POINTS : BEND_OVER_DISTANCE;
     (void)worker;
@@ -337,7 +337,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Smooths the logarithms in m->from. */
-static void smooth(making *m)
+static void smooth(field_build *m)
 {
     double worst = INFINITY;
     for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE && !threads_stopped(m->pool);
@@ -354,7 +354,7 @@ static void smooth(making *m)
 /* --- models --- */
 
 /* The gradient that fits the adjacent nodes' spacings best, by least squares. */
-static void model_node(const making *links, size_t index)
+static void model_node(const field_build *links, size_t index)
 {
     const sizing_field *g = links->g;
     node *n = &g->node[index];
@@ -406,14 +406,14 @@ static const node *nearest_node(const sizing_field *g, vec3 x)
 }
 
 /* The eight cubes whose centres surround a place. */
-typedef struct spot {
+typedef struct surrounding_cubes {
     cube low, own; /* the lowest of the eight, and the one that contains the place */
     double t[3];   /* position between the centres of the lowest and the highest cube, 0 .. 1 */
     int beside;    /* index of the lowest cube among those around `own` */
     uint32_t around[FIELD_CELL_CORNERS]; /* nodes of the eight cubes, or NO_NODE */
-} spot;
+} surrounding_cubes;
 
-static void find_cubes(const sizing_field *g, vec3 x, spot *s)
+static void find_cubes(const sizing_field *g, vec3 x, surrounding_cubes *s)
 {
     s->low = s->own = cube_of(vec3_sub(in_cubes(g, x), vec3_make(0.5, 0.5, 0.5)), s->t);
     s->beside = 0;
@@ -425,7 +425,7 @@ static void find_cubes(const sizing_field *g, vec3 x, spot *s)
 }
 
 /* Finds the nodes of the eight cubes, through the links of the place's own node if it exists. */
-static void find_nodes(const sizing_field *g, spot *s)
+static void find_nodes(const sizing_field *g, surrounding_cubes *s)
 {
     const uint32_t own = node_at(g, s->own.at, 0, 0, 0),
                    *row = own == NO_NODE ? NULL : g->beside[own] + s->beside;
@@ -465,7 +465,7 @@ static double refine_beside(const sizing_field *g, vec3 x, double spacing, vec3 
 
 /* Interpolates the models of the eight cubes. A missing node is replaced by any node with weight 0: half of
  * them are missing on a surface, and a branch would often be mispredicted. */
-ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
+ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const surrounding_cubes *s, vec3 *gradient)
 {
     blend b = {0};
     for (int c = 0; c < FIELD_CELL_CORNERS; c++) {
@@ -484,7 +484,7 @@ ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec
 
 double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient)
 {
-    spot s;
+    surrounding_cubes s;
     find_cubes(g, x, &s);
     find_nodes(g, &s);
     return blend_models(g, x, &s, gradient);
@@ -503,7 +503,7 @@ static double sum_points(sizing_field *g, const surface *scan, const vec3 *posit
 
 /* Smooths after the growth limit, so that a crease takes effect before it is averaged, and the fine end of
  * noise remains. Painted maps are not smoothed. */
-static void smooth_spacing(making *m)
+static void smooth_spacing(field_build *m)
 {
     sizing_field *g = m->g;
     if (spacing_request_is_map(&g->params)) return;
@@ -535,7 +535,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
         asked += g->node[k].area / (g->node[k].request * g->node[k].request);
     }
     double want = (double)count * area / scan->area; /* cells without a sample count like the others */
-    making m;
+    field_build m;
     g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
@@ -555,7 +555,7 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
 /* Makes the field with a scale of 1, for as many points as it needs. */
 static bool take_points(sizing_field *g, const surface *scan, const vec3 *position, threads *pool, error *e)
 {
-    making m;
+    field_build m;
     g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok) {

@@ -71,9 +71,9 @@ enum { MAX_NEAR = 64 };
 /* Maximum number of corners of a Voronoi cell; a cell has 6 on average. */
 enum { MAX_CORNERS = 64 };
 
-typedef struct flat {
+typedef struct point2 {
     double x, y;
-} flat;
+} point2;
 
 /* A place of the surface. */
 typedef struct surface_place {
@@ -472,7 +472,7 @@ typedef struct newton_terms {
 } newton_terms;
 
 /* Adds a neighbour at `at`; `h`: the spacing of the pair. Returns the energy of the pair. */
-static double add_pair(const solver *s, flat at, double h, double weight, newton_terms *t)
+static double add_pair(const solver *s, point2 at, double h, double weight, newton_terms *t)
 {
     const energy_function *energy = s->setup.params.energy;
     const double distance = sqrt(at.x * at.x + at.y * at.y),
@@ -490,7 +490,7 @@ static double add_pair(const solver *s, flat at, double h, double weight, newton
 
 /* A straight line: the places at `distance` along the unit vector `out`. */
 typedef struct line {
-    flat out;
+    point2 out;
     double distance;
 } line;
 
@@ -498,17 +498,17 @@ typedef struct line {
  * end. False: the surface does not end within PROBE spacings. */
 static bool find_border(const solver *s, const surroundings *a, const vec3 axis[2], line *out)
 {
-    flat end[PROBES];
+    point2 end[PROBES];
     double length[PROBES];
     int nearest = -1;
     for (int k = 0; k < PROBES; k++) {
         const double angle = 2 * M_PI * k / PROBES, reach_of = PROBE * a->h;
-        const flat v = {reach_of * elementary_cos(angle), reach_of * elementary_sin(angle)};
+        const point2 v = {reach_of * elementary_cos(angle), reach_of * elementary_sin(angle)};
         surface_place to;
         length[k] = INFINITY;
         if (go(s, a->own, vec3_axpy(v.x, axis[0], vec3_scale(axis[1], v.y)), a->h, &to)) continue;
         const vec3 d = vec3_sub(to.position, a->position);
-        end[k] = (flat){vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
+        end[k] = (point2){vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
         length[k] = elementary_hypot(end[k].x, end[k].y);
         if (nearest < 0 || length[k] < length[nearest]) nearest = k;
     }
@@ -516,20 +516,20 @@ static bool find_border(const solver *s, const surroundings *a, const vec3 axis[
     const int before = (nearest + PROBES - 1) % PROBES, after = (nearest + 1) % PROBES,
               beside = length[before] < length[after] ? before : after;
     const double angle = 2 * M_PI * nearest / PROBES;
-    out->out = (flat){elementary_cos(angle), elementary_sin(angle)};
+    out->out = (point2){elementary_cos(angle), elementary_sin(angle)};
     if (length[beside] < INFINITY) {
         const double x = end[beside].y - end[nearest].y, y = end[nearest].x - end[beside].x,
                      norm = elementary_hypot(x, y), side = x * out->out.x + y * out->out.y < 0 ? -1 : 1;
-        if (norm > 0) out->out = (flat){side * x / norm, side * y / norm};
+        if (norm > 0) out->out = (point2){side * x / norm, side * y / norm};
     }
     out->distance = end[nearest].x * out->out.x + end[nearest].y * out->out.y;
     return true;
 }
 
-static flat mirrored(const line *l, flat v)
+static point2 mirrored(const line *l, point2 v)
 {
     const double beyond = 2 * (l->distance - v.x * l->out.x - v.y * l->out.y);
-    return (flat){v.x + beyond * l->out.x, v.y + beyond * l->out.y};
+    return (point2){v.x + beyond * l->out.x, v.y + beyond * l->out.y};
 }
 
 /* One Newton step on the energy. Near the end of the surface the particles are mirrored at it: otherwise the
@@ -543,13 +543,13 @@ static vec3 energy_step(const solver *s, const surroundings *a)
     const bool is_near_border = s->state.blue_noise->has_borders && find_border(s, a, axis, &border);
     if (is_near_border) {
         rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_BLUE_NOISE + a->own);
-        add_pair(s, mirrored(&border, (flat){0, 0}), a->h, rng_uniform(&r), &t);
+        add_pair(s, mirrored(&border, (point2){0, 0}), a->h, rng_uniform(&r), &t);
     }
     double energy = 0;
     for (int k = 0; k < a->count; k++) {
         if (a->near[k].is_opposite) continue;
         const vec3 d = in_tangent_plane(a, a->near[k].d);
-        const flat at = {vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
+        const point2 at = {vec3_dot(d, axis[0]), vec3_dot(d, axis[1])};
         const double h = 0.5 * (a->h + spacing_of(s, a->near[k].index));
         energy += add_pair(s, at, h, 1, &t);
         if (is_near_border) add_pair(s, mirrored(&border, at), h, 1, &t);

@@ -39,28 +39,28 @@ static schedule_position position(const solver *s)
 /* ---- rounds */
 
 /* Begins a new round with the next sweep. */
-static void begin_round(solver *s, const char *began)
+static void begin_round(solver *s, const char *cause)
 {
-    s->state.round_began = began;
+    s->state.round_cause = cause;
     s->state.round_defect_fraction = NAN;
     s->state.next = ACTION_SWEEP;
 }
 
 /* Begins a new round, with the schedule reset. */
-static void begin_fresh_round(solver *s, const char *began)
+static void begin_fresh_round(solver *s, const char *cause)
 {
     s->state.sweeps_in_round = 0;
     s->state.size_renewals = 0;
-    begin_round(s, began);
+    begin_round(s, cause);
 }
 
 /* Continues a converged solve after particles were changed: the schedule is not reset. */
-static void continue_round(solver *s, const char *began)
+static void continue_round(solver *s, const char *cause)
 {
     s->state.control_rounds--;
     s->state.size_renewals = 0;
     s->state.lists_stale = true;
-    begin_round(s, began);
+    begin_round(s, cause);
 }
 
 void solver_note_round(solver *s, const char *ended, double energy, double gain)
@@ -70,7 +70,7 @@ void solver_note_round(solver *s, const char *ended, double energy, double gain)
     const schedule_position at = position(s);
     s->record.round = mem_resize(s->record.round, (n + 1) * sizeof *s->record.round);
     s->record.round[n] = (solver_round){.regime = s->state.regime->name,
-                                        .began = s->state.round_began,
+                                        .cause = s->state.round_cause,
                                         .ended = ended,
                                         .defect_fraction = s->state.round_defect_fraction,
                                         .extra_sweeps = s->state.has_many_defects,
@@ -169,7 +169,7 @@ static void estimate_fraction(solver *s, const schedule_evidence *seen)
     const schedule_position at = position(s);
     const size_t count = s->state.p->count;
     s->state.updates += (double)count;
-    const double spent = (double)(s->record.sweep_count - s->state.level_began),
+    const double spent = (double)(s->record.sweep_count - s->state.level_first_sweep),
                  expected = schedule_expected_sweeps(given, &at, spent, seen);
     double left = fmax(expected - spent, LEFT_LEAST * expected) * (double)count;
     for (int level = s->state.level + 1; level < s->state.plan.count; level++) {
@@ -469,10 +469,10 @@ static bool may_go_on(const solver *s)
     return s->state.continuations < SOLVER_CONTINUATIONS_MOST && s->state.regime->goes_on_after_projection;
 }
 
-static void go_on(solver *s, const char *began)
+static void go_on(solver *s, const char *cause)
 {
     s->state.continuations++;
-    continue_round(s, began);
+    continue_round(s, cause);
 }
 
 /* Covers a surface of many connected parts, also if no round follows in which the particles could converge

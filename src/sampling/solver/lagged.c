@@ -107,7 +107,7 @@ bool solver_build_lists(solver *s, error *e)
 {
     if (solver_amplitudes_are_due(s)) {
         solver_renew_amplitudes(s);
-        const double swept = (double)(s->record.sweep_count - s->state.level_began);
+        const double swept = (double)(s->record.sweep_count - s->state.level_first_sweep);
         s->state.next_amplitudes =
             s->record.sweep_count + 1 + (size_t)(s->state.regime->schedule->renewal_share * swept);
     }

@@ -198,7 +198,7 @@ bool solver_refine(solver *s, error *e)
     assert(s->state.level + 1 < plan->count);
     double support = s->state.sigma / s->state.spacing;
     size_t count = plan->particles[++s->state.level];
-    s->state.level_began = s->record.sweep_count;
+    s->state.level_first_sweep = s->record.sweep_count;
     const refine_patches patches = {plan->quotas ? &plan->quotas[s->state.level] : NULL, plan->curves};
     const bool ok =
         require_mesh(s, e) && refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing,

@@ -57,11 +57,11 @@ typedef struct solver_sweep {
 double solver_excess(const solver *s, const solver_sweep *sweep);
 
 /* A round: consecutive sweeps, from one other action of the driver to the next (such as an adaptation of the
- * support, or a refinement). `regime` (at the end of the round), `began` and `ended` are words of the report
- * (doc/report.md#rounds-and-sweeps).
+ * support, or a refinement). `regime` (at the end of the round), `cause` (why it began) and `ended` are words
+ * of the report (doc/report.md#rounds-and-sweeps).
  */
 typedef struct solver_round {
-    const char *regime, *began, *ended;
+    const char *regime, *cause, *ended;
     double defect_fraction; /* after the least sweeps without extra ones; NAN: not computed in this round */
     bool extra_sweeps;      /* the level took more sweeps for its defects */
     int level, stage;       /* from 1; 1 is the coarsest level */

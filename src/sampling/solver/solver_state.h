@@ -71,10 +71,10 @@ typedef struct solver_state {
     bool has_many_defects; /* the level takes extra sweeps, see schedule_has_many_defects */
     /* on patches: an earlier round of the level took extra sweeps, so that later ones do not */
     bool had_extra_sweeps;
-    double defect_fraction; /* last computed defect fraction; 0: never computed */
-    size_t level_began;     /* number of sweeps before the level */
+    double defect_fraction;   /* last computed defect fraction; 0: never computed */
+    size_t level_first_sweep; /* number of sweeps before the level */
 
-    const char *round_began, *round_ended; /* words of solver_round */
+    const char *round_cause, *round_ended; /* words of solver_round */
     double round_defect_fraction;          /* member of solver_round */
     int control_rounds;                    /* rounds that ended with ACTION_CONTROL and were not continued */
     int stage;                             /* stage of the schedule */

@@ -321,7 +321,7 @@ static void record_step(solver *s, size_t inserted, size_t deleted, double energ
     solver_note_round(s, ends ? "interval" : "ended", energy, 0);
     s->record.round[s->record.round_count - 1].inserted = w->round_inserted;
     s->record.round[s->record.round_count - 1].deleted = w->round_deleted;
-    s->state.round_began = "interval";
+    s->state.round_cause = "interval";
     s->state.sweeps_in_round = 0;
     w->round_inserted = w->round_deleted = 0;
 }

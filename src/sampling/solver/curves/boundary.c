@@ -191,17 +191,17 @@ static void trace_curve(const boundary_request *r, const segments *all, size_t f
 
 /* ---- samples */
 
-typedef struct sampling {
+typedef struct boundary_sampler {
     const surface *s;
     const boundary_request *request;
     double spacing; /* of samples at a relative spacing of 1 */
     boundary *out;
     size_t capacity;
-} sampling;
+} boundary_sampler;
 
 /* Projects a sample onto the surface within the faces that it lies in. False if that fails or leaves the
  * domain. */
-static bool project_in_faces(const sampling *w, vec3 *x, vec3 *normal)
+static bool project_in_faces(const boundary_sampler *w, vec3 *x, vec3 *normal)
 {
     const field *f = w->s->field;
     unsigned fixed = 0;
@@ -211,7 +211,7 @@ static bool project_in_faces(const sampling *w, vec3 *x, vec3 *normal)
            bbox_contains(f->domain, *x);
 }
 
-static void add_sample(sampling *w, vec3 x)
+static void add_sample(boundary_sampler *w, vec3 x)
 {
     vec3 normal;
     if (w->out->count == w->capacity || !project_in_faces(w, &x, &normal)) return;
@@ -221,7 +221,7 @@ static void add_sample(sampling *w, vec3 x)
 
 /* Adds the end of a curve. Two curves end where the surface meets an edge of the domain; the end is added
  * once. */
-static void add_corner(sampling *w, vec3 x)
+static void add_corner(boundary_sampler *w, vec3 x)
 {
     for (size_t k = 0; k < w->out->count; k++)
         if (vec3_norm(vec3_sub(w->out->position[k], x)) <
@@ -230,7 +230,7 @@ static void add_corner(sampling *w, vec3 x)
     add_sample(w, x);
 }
 
-static void sample_corners(sampling *w, const curve *c)
+static void sample_corners(boundary_sampler *w, const curve *c)
 {
     if (c->closed) return;
     add_corner(w, c->point[0]);
@@ -238,7 +238,7 @@ static void sample_corners(sampling *w, const curve *c)
 }
 
 /* Adds samples at equal arc lengths along a curve, without its corners. */
-static void sample_curve(sampling *w, const curve *c)
+static void sample_curve(boundary_sampler *w, const curve *c)
 {
     double spaces = round(c->length / w->spacing), step = c->length / spaces, before = 0,
            next = c->closed ? 0 : 1;
@@ -302,7 +302,7 @@ static void free_curves(curves *list)
     free(list->item);
 }
 
-static bool sample_all(const curves *list, sampling *w, error *e)
+static bool sample_all(const curves *list, boundary_sampler *w, error *e)
 {
     double length = 0;
     for (size_t k = 0; k < list->count; k++) length += list->item[k].length;
@@ -328,7 +328,7 @@ bool boundary_find(const surface *s, const boundary_request *request, boundary *
 {
     const field *f = s->field;
     curves list = {0};
-    sampling w = {.s = s, .request = request, .out = out};
+    boundary_sampler w = {.s = s, .request = request, .out = out};
     bool ok = true;
     *out = (boundary){0};
     if (!f->open || request->most == 0) return true;

@@ -35,19 +35,19 @@ static double dense_limit(const relocation_input *in)
 }
 
 /* Removes the entries near one that is kept. */
-typedef struct thinning {
+typedef struct thinning_job {
     const ranked *entry;
     bool *removed;
     double within; /* world units, for entries of size 1 */
-    uint32_t own;
-} thinning;
+    uint32_t kept;
+} thinning_job;
 
 static void visit_entry(void *context, uint32_t j)
 {
-    thinning *t = context;
-    const ranked *own = &t->entry[t->own], *other = &t->entry[j];
-    const double reach = 0.5 * t->within * (own->size + other->size);
-    t->removed[j] |= j > t->own && vec3_norm2(vec3_sub(own->at, other->at)) < reach * reach;
+    thinning_job *t = context;
+    const ranked *entry = &t->entry[t->kept], *other = &t->entry[j];
+    const double reach = 0.5 * t->within * (entry->size + other->size);
+    t->removed[j] |= j > t->kept && vec3_norm2(vec3_sub(entry->at, other->at)) < reach * reach;
 }
 
 /* Keeps the first `wanted` of the ranked entries without an earlier kept entry within `within` spacings. */
@@ -66,7 +66,7 @@ static bool thin_out(const relocation_input *in, ranked *r, double within, size_
     size_t kept_count = 0;
     for (uint32_t k = 0; near && k < *count && kept_count < wanted; k++) {
         if (removed[k]) continue;
-        thinning t = {r, removed, within * in->h, k};
+        thinning_job t = {r, removed, within * in->h, k};
         cell_list_within(near, x[k], 0.5 * t.within * (r[k].size + largest), visit_entry, &t);
         kept[kept_count++] = k;
     }
@@ -96,12 +96,12 @@ typedef struct density_visit {
 
 static void visit_neighbour(void *context, uint32_t j)
 {
-    density_visit *own = context;
-    const relocation_input *in = own->in;
-    const uint32_t i = own->point;
+    density_visit *v = context;
+    const relocation_input *in = v->in;
+    const uint32_t i = v->point;
     if (i == j) return;
     const double between = 0.5 * in->h * (in->size[i] + in->size[j]);
-    own->least = fmin(own->least, vec3_norm(vec3_sub(in->point[i], in->point[j])) / between);
+    v->least = fmin(v->least, vec3_norm(vec3_sub(in->point[i], in->point[j])) / between);
 }
 
 static void density_chunk(void *context, int worker, size_t begin, size_t end)
@@ -110,10 +110,10 @@ static void density_chunk(void *context, int worker, size_t begin, size_t end)
     const relocation_input *in = job->in;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        density_visit own = {in, (uint32_t)i, INFINITY};
+        density_visit v = {in, (uint32_t)i, INFINITY};
         const double reach = 0.5 * dense_limit(in) * in->h * (in->size[i] + job->largest);
-        cell_list_within(job->near, in->point[i], reach, visit_neighbour, &own);
-        job->least[i] = own.least;
+        cell_list_within(job->near, in->point[i], reach, visit_neighbour, &v);
+        job->least[i] = v.least;
     }
 }
 

@@ -48,7 +48,7 @@ static bool is_nearer(const solver *s, size_t i, vec3 place, pin *best)
 }
 
 /* Search for particles by their positions before any particle was pinned. */
-typedef struct pinning {
+typedef struct pin_job {
     const solver *s;
     vec3 *before; /* positions before pinning */
     cell_list *cells;
@@ -56,23 +56,23 @@ typedef struct pinning {
     double farthest; /* largest displacement of a pinned particle */
     uint32_t *near;  /* result of find_near; capacity for all particles */
     size_t near_count;
-} pinning;
+} pin_job;
 
 static void add_near(void *context, uint32_t particle)
 {
-    pinning *f = context;
+    pin_job *f = context;
     f->near[f->near_count++] = particle;
 }
 
 /* Finds the particles whose original position is within `reach` of x, in ascending order. */
-static void find_near(pinning *f, vec3 x, double reach)
+static void find_near(pin_job *f, vec3 x, double reach)
 {
     f->near_count = 0;
     cell_list_within(f->cells, x, reach * SEARCH_MARGIN, add_near, f);
     qsort(f->near, f->near_count, sizeof *f->near, compare_uint32);
 }
 
-static bool is_beside_fixed(pinning *f, const pin *to)
+static bool is_beside_fixed(pin_job *f, const pin *to)
 {
     const particles *p = f->s->state.p;
     find_near(f, to->at, MIN_FIXED_DISTANCE * f->largest + f->farthest);
@@ -88,7 +88,7 @@ static bool is_beside_fixed(pinning *f, const pin *to)
 
 /* Pins the nearest particle at a place. False: there is none, or a fixed particle is too near. The search
  * radius suffices, because only pinned particles have moved, and these cannot be pinned again. */
-static bool pin_at(pinning *f, vec3 place)
+static bool pin_at(pin_job *f, vec3 place)
 {
     particles *p = f->s->state.p;
     pin best = {.distance = INFINITY};
@@ -106,7 +106,7 @@ static bool pin_at(pinning *f, vec3 place)
 bool solver_pin_near(solver *s, const vec3 *place, size_t count, size_t *pinned, error *e)
 {
     const particles *p = s->state.p;
-    pinning f = {.s = s, .before = mem_array(p->count, sizeof *f.before, "pinned particles", e)};
+    pin_job f = {.s = s, .before = mem_array(p->count, sizeof *f.before, "pinned particles", e)};
     *pinned = 0;
     if (f.before) f.near = mem_array(p->count, sizeof *f.near, "pinned particles", e);
     if (f.near) {
