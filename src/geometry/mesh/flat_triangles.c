@@ -17,17 +17,17 @@ static const char what[] = "the triangles without area of the mesh";
 /* Triangles in a chunk of work. */
 enum { CHUNK = 4096 };
 
-typedef struct looking {
+typedef struct flat_search {
     const mesh *m;
     rounding r;
     atomic_bool found; /* a flat triangle was found */
-} looking;
+} flat_search;
 
-typedef struct removing {
+typedef struct removal_job {
     linked_mesh l;
     rounding r;
     heap flat; /* triangles; key: minus the squared length of the longest side */
-} removing;
+} removal_job;
 
 static bool is_same(vec3 a, vec3 b)
 {
@@ -61,7 +61,7 @@ static bool is_flat(const vec3 corner[3], double allowed, int *longest, double *
 
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    looking *l = context;
+    flat_search *l = context;
     bool found = false;
     (void)worker;
     for (size_t n = begin; n < end && !found; n++) {
@@ -74,14 +74,14 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     if (found) atomic_store_explicit(&l->found, true, memory_order_relaxed);
 }
 
-static bool look(looking *l, threads *pool)
+static bool look(flat_search *l, threads *pool)
 {
     atomic_store(&l->found, false);
     threads_run(pool, l->m->triangle_count, CHUNK, look_chunk, l);
     return l->found;
 }
 
-static bool find_flat(looking *l, threads *pool)
+static bool find_flat(flat_search *l, threads *pool)
 {
     l->r = rounding_at_most(l->m, pool);
     if (!look(l, pool)) return false; /* most meshes have no flat triangle at this bound */
@@ -90,15 +90,15 @@ static bool find_flat(looking *l, threads *pool)
 }
 
 /* The present shape of a triangle. */
-typedef struct shape {
+typedef struct triangle_shape {
     bool flat;
     int longest, shortest;
     double length2, least2, error;
-} shape;
+} triangle_shape;
 
-static shape shape_of(const removing *r, uint32_t t)
+static triangle_shape shape_of(const removal_job *r, uint32_t t)
 {
-    shape s = {0};
+    triangle_shape s = {0};
     vec3 corner[3];
     mesh_get_corners(r->l.m, t, corner);
     s.error = rounding_reach(&r->r, corner);
@@ -106,16 +106,16 @@ static shape shape_of(const removing *r, uint32_t t)
     return s;
 }
 
-static bool push_if_flat(removing *r, uint32_t t, error *e)
+static bool push_if_flat(removal_job *r, uint32_t t, error *e)
 {
-    const shape s = shape_of(r, t);
+    const triangle_shape s = shape_of(r, t);
     return !s.flat || heap_push(&r->flat, (heap_item){-s.length2, t, 0}, what, e);
 }
 
 /* ---- removal of one triangle */
 
 /* Splits triangle t at m, a point on its side between a and b. */
-static bool split(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
+static bool split(removal_job *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
 {
     const uint32_t *corner = r->l.m->triangle[t];
     uint32_t second[3], added = 0;
@@ -127,7 +127,7 @@ static bool split(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, e
 
 /* Drops triangle t, whose corner m lies on the side from a to b, and splits the other triangles at that side
  * at m. */
-static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
+static bool split_neighbours(removal_job *r, uint32_t t, uint32_t a, uint32_t b, uint32_t m, error *e)
 {
     if (r->l.degree[a] > r->l.degree[b]) {
         const uint32_t swap = a;
@@ -149,7 +149,7 @@ static bool split_neighbours(removing *r, uint32_t t, uint32_t a, uint32_t b, ui
 }
 
 /* Replaces vertex `from` by vertex `to`. */
-static bool collapse(removing *r, uint32_t to, uint32_t from, error *e)
+static bool collapse(removal_job *r, uint32_t to, uint32_t from, error *e)
 {
     while (r->l.head[from] != LINKED_MESH_NONE) {
         const uint32_t c = r->l.head[from], t = c / 3;
@@ -163,7 +163,7 @@ static bool collapse(removing *r, uint32_t to, uint32_t from, error *e)
     return true;
 }
 
-static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
+static bool remove_one(removal_job *r, uint32_t t, const triangle_shape *s, error *e)
 {
     const uint32_t *corner = r->l.m->triangle[t];
     if (s->least2 <= s->error * s->error) {
@@ -177,12 +177,12 @@ static bool remove_one(removing *r, uint32_t t, const shape *s, error *e)
 /* Removes the flat triangle with the longest side until none is left. A removal creates only flat triangles
  * with shorter sides, unless a neighbour is as thin. `most` bounds the number of removals if rounding causes
  * cycles. */
-static bool remove_all(removing *r, size_t most, error *e)
+static bool remove_all(removal_job *r, size_t most, error *e)
 {
     while (r->flat.count > 0 && most-- > 0) {
         const heap_item first = heap_pop(&r->flat);
         if (r->l.dead[first.item]) continue;
-        const shape s = shape_of(r, first.item);
+        const triangle_shape s = shape_of(r, first.item);
         /* changed since it was pushed; a later item is valid */
         if (!s.flat || s.length2 != -first.key) continue;
         if (!remove_one(r, first.item, &s, e)) return false;
@@ -192,7 +192,7 @@ static bool remove_all(removing *r, size_t most, error *e)
 
 /* ---- public functions */
 
-static bool begin(removing *r, mesh *m, size_t *flat, error *e)
+static bool begin(removal_job *r, mesh *m, size_t *flat, error *e)
 {
     if (!linked_mesh_begin(m, &r->l, e)) return false;
     for (uint32_t t = 0; t < m->triangle_count; t++)
@@ -204,7 +204,7 @@ static bool begin(removing *r, mesh *m, size_t *flat, error *e)
 static bool remove_flat(mesh *m, const rounding *rounded, mesh_notes *notes, error *e)
 {
     enum { ROUNDS = 32, ROUNDS_MORE = 1024 };
-    removing r = {.r = *rounded};
+    removal_job r = {.r = *rounded};
     const size_t all = m->triangle_count;
     size_t flat = 0;
     const bool ok = begin(&r, m, &flat, e) && remove_all(&r, ROUNDS * flat + ROUNDS_MORE, e);
@@ -220,7 +220,7 @@ static bool remove_flat(mesh *m, const rounding *rounded, mesh_notes *notes, err
 
 bool flat_triangles_remove(mesh *m, threads *pool, mesh_notes *notes, error *e)
 {
-    looking l = {.m = m};
+    flat_search l = {.m = m};
     const bool found = m->triangle_count > 0 && find_flat(&l, pool);
     if (!threads_may_go_on(pool, e)) return false;
     return !found || (mesh_weld_vertices(m, pool, e) && remove_flat(m, &l.r, notes, e));

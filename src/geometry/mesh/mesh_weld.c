@@ -57,18 +57,18 @@ static uint32_t table_first(table *t, uint32_t n)
 enum { CHUNK = 4096 }; /* vertices or triangles in a chunk of work */
 
 /* Joins vertices of equal coordinates: the one with the lowest corner number remains. */
-typedef struct joining {
+typedef struct weld_job {
     mesh *m;
     table table;
     uint32_t
         *place; /* per vertex: its first corner, later the vertex that replaces it; FREE: no triangle has the
                  * vertex */
     atomic_bool found; /* two vertices are equal */
-} joining;
+} weld_job;
 
 static void begin_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    joining *j = context;
+    weld_job *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) { /* -0 and 0 are equal but have different bytes */
         j->m->vertex[n] = vec3_add(j->m->vertex[n], (vec3){0.0, 0.0, 0.0});
@@ -86,31 +86,31 @@ static void lower(uint32_t *most, uint32_t value)
 
 static void see_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    joining *j = context;
+    weld_job *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++)
         for (int k = 0; k < 3; k++) lower(&j->place[j->m->triangle[n][k]], (uint32_t)(3 * n) + (uint32_t)k);
 }
 
 /* The slot of vertex n, or the first one to search. */
-static uint32_t *first_slot(const joining *j, size_t n)
+static uint32_t *first_slot(const weld_job *j, size_t n)
 {
     return &j->table.slots[hash_bytes(&j->m->vertex[n], sizeof(vec3)) & j->table.mask];
 }
 
-static uint32_t *next_slot(const joining *j, uint32_t *slot)
+static uint32_t *next_slot(const weld_job *j, uint32_t *slot)
 {
     return j->table.slots + ((size_t)(slot + 1 - j->table.slots) & j->table.mask);
 }
 
-static bool are_one(const joining *j, uint32_t a, uint32_t b)
+static bool are_one(const weld_job *j, uint32_t a, uint32_t b)
 {
     return memcmp(&j->m->vertex[a], &j->m->vertex[b], sizeof(vec3)) == 0;
 }
 
 /* Enters vertex n in the table. Among equal vertices the one with the lowest corner number gets the slot, in
  * any order of the threads. */
-static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
+static void claim_slot(weld_job *j, uint32_t *slot, uint32_t n)
 {
     uint32_t there = __atomic_load_n(slot, __ATOMIC_RELAXED);
     for (;;) {
@@ -129,7 +129,7 @@ static void claim_slot(joining *j, uint32_t *slot, uint32_t n)
 static void claim_chunk(void *context, int worker, size_t begin, size_t end)
 {
     enum { AHEAD = 32 };
-    joining *j = context;
+    weld_job *j = context;
     uint32_t *slot[AHEAD];
     (void)worker;
     for (size_t from = begin; from < end; from += AHEAD) {
@@ -142,7 +142,7 @@ static void claim_chunk(void *context, int worker, size_t begin, size_t end)
 
 static void find_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    joining *j = context;
+    weld_job *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++) {
         if (j->place[n] == FREE) continue;
@@ -155,7 +155,7 @@ static void find_chunk(void *context, int worker, size_t begin, size_t end)
 /* Replaces the vertex of every corner. */
 static void replace_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    joining *j = context;
+    weld_job *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++)
         for (int k = 0; k < 3; k++) j->m->triangle[n][k] = j->place[j->m->triangle[n][k]];
@@ -164,7 +164,7 @@ static void replace_chunk(void *context, int worker, size_t begin, size_t end)
 /* `place`: capacity of one entry per vertex. */
 static bool join_vertices(mesh *m, threads *pool, uint32_t *place, error *e)
 {
-    joining j = {.m = m, .place = place};
+    weld_job j = {.m = m, .place = place};
     assert(m->triangle_count < UINT32_MAX / 3);
     if (!table_init(&j.table, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
     threads_run(pool, m->vertex_count, CHUNK, begin_chunk, &j);
@@ -188,7 +188,7 @@ bool mesh_weld_vertices(mesh *m, threads *pool, error *e)
 
 static void use_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    joining *j = context;
+    weld_job *j = context;
     (void)worker;
     for (size_t n = begin; n < end; n++)
         for (int k = 0; k < 3; k++) __atomic_store_n(&j->place[j->m->triangle[n][k]], 0, __ATOMIC_RELAXED);
@@ -196,7 +196,7 @@ static void use_chunk(void *context, int worker, size_t begin, size_t end)
 
 static bool drop_unused(mesh *m, threads *pool, uint32_t *place, error *e)
 {
-    joining j = {.m = m, .place = place};
+    weld_job j = {.m = m, .place = place};
     uint32_t count = 0;
     memset(place, 0xFF, m->vertex_count * sizeof *place);
     threads_run(pool, m->triangle_count, CHUNK, use_chunk, &j);

@@ -16,10 +16,10 @@ static const double of_side = 1e-6;
 /* Triangles in a chunk of work. */
 enum { CHUNK = 4096 };
 
-typedef struct looking {
+typedef struct double_search {
     const mesh *m;
     atomic_bool has_double; /* a coordinate is not representable as a float */
-} looking;
+} double_search;
 
 double rounding_largest_coordinate(vec3 v)
 {
@@ -33,7 +33,7 @@ static bool is_float(double value)
 
 static void look_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    looking *l = context;
+    double_search *l = context;
     bool floats = true;
     (void)worker;
     for (size_t n = begin; n < end && floats; n++)
@@ -53,7 +53,7 @@ rounding rounding_at_most(const mesh *m, threads *pool)
 
 rounding rounding_of(const mesh *m, threads *pool)
 {
-    looking l = {.m = m};
+    double_search l = {.m = m};
     rounding r = rounding_at_most(m, pool);
     threads_run(pool, m->triangle_count, CHUNK, look_chunk, &l);
     if (l.has_double) r.relative = 0;

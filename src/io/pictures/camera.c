@@ -56,14 +56,14 @@ static double front_angle(const vec3 *position, size_t count, camera_frame frame
 }
 
 /* Bounds of a set for a frustum: for the opposite planes u = +-s w, the extreme values of the set. */
-typedef struct touch {
+typedef struct frustum_bounds {
     double sx, sy; /* slopes of the planes */
     double east, west, north, south, nearest;
-} touch;
+} frustum_bounds;
 
-static touch touch_set(const camera *c, const vec3 *position, size_t count, camera_frame frame)
+static frustum_bounds touch_set(const camera *c, const vec3 *position, size_t count, camera_frame frame)
 {
-    touch t = {.sx = 0.5 * frame.width / c->focal, .sy = 0.5 * frame.height / c->focal};
+    frustum_bounds t = {.sx = 0.5 * frame.width / c->focal, .sy = 0.5 * frame.height / c->focal};
     t.east = t.west = t.north = t.south = -INFINITY;
     t.nearest = INFINITY;
     for (size_t i = 0; i < count; i++) {
@@ -82,7 +82,7 @@ camera camera_fit(const vec3 *position, size_t count, double radius, camera_fram
 {
     camera c = aim(front_angle(position, count, frame), frame);
     c.origin = position[0];
-    touch t = touch_set(&c, position, count, frame);
+    frustum_bounds t = touch_set(&c, position, count, frame);
     double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
     double x = 0.5 * (t.east - t.west), y = 0.5 * (t.north - t.south);
     double back = fmax((0.5 * (t.east + t.west) + rx) / t.sx, (0.5 * (t.north + t.south) + ry) / t.sy);
@@ -100,7 +100,7 @@ void camera_orbit(const vec3 *position, size_t count, double radius, camera_fram
     for (int k = 0; k < frames; k++) {
         camera c = aim(front + 2 * M_PI * k / frames, frame);
         c.origin = vec3_scale(vec3_add(box.min, box.max), 0.5);
-        touch t = touch_set(&c, position, count, frame);
+        frustum_bounds t = touch_set(&c, position, count, frame);
         double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
         double back = fmax((fmax(t.east, t.west) + rx) / t.sx, (fmax(t.north, t.south) + ry) / t.sy);
         z = fmin(z, fmin(-back, t.nearest - 2 * radius));

@@ -200,16 +200,16 @@ typedef struct run {
 
 /* The range of samples of a row that a disc covers, the range inside its outline, and the abscissa of
  * sample 0. */
-typedef struct stretch {
+typedef struct row_range {
     int all[2], plain[2];
     double first, step;
-} stretch;
+} row_range;
 
 /* Draws DISC_BLOCK samples at a time, also beyond the end of the range, where nothing changes: without
  * branches the loop vectorises. Within a block the polynomial is evaluated relative to its start, in single
  * precision: this part is small. No multiplication and addition are fused, so that results are the same on
  * every machine. */
-ISA_INLINE void draw_run(const run *r, const stretch *t, float *key, uint32_t *code)
+ISA_INLINE void draw_run(const run *r, const row_range *t, float *key, uint32_t *code)
 {
     float bend = (float)(r->square * t->step * t->step);
     uint32_t plain = r->code, ring = plain | DISC_RING;
@@ -247,7 +247,7 @@ ISA_INLINE void draw_section(const abscissae *a, const section *s, const run *r,
                              double ring_limit, const disc_band *b, int row)
 {
     size_t start = (size_t)row * (size_t)b->width;
-    stretch t = {.first = a->first, .step = a->step};
+    row_range t = {.first = a->first, .step = a->step};
     double within[2];
     if (!section_within(s, limit, within)) return;
     to_samples(a, within, t.all);

@@ -7,14 +7,14 @@
 #include "geometry/space/bbox.h"
 
 /* Title, type of scale, and smallest range that is significant. */
-typedef struct shown {
+typedef struct quantity_display {
     const char *title;
     bool root;
     double least;
     enum { PLAIN, LENGTH, PER_LENGTH } unit; /* unit of `least`, in extents */
-} shown;
+} quantity_display;
 
-static const shown shown_of[] = {
+static const quantity_display display_of[] = {
     [QUANTITY_ALPHA] = {"alpha", false, 0.001, PLAIN},
     [QUANTITY_CURVATURE] = {"curvature", true, 0.01, PER_LENGTH}, /* smaller curvatures look flat */
     [QUANTITY_ENERGY] = {"energy", false, 0.001, PLAIN},
@@ -56,7 +56,7 @@ const double *quantity_values(const points *set, const quantity_look *look)
 
 const char *quantity_title(const quantity_look *look)
 {
-    return look->title ? look->title : shown_of[look->which].title;
+    return look->title ? look->title : display_of[look->which].title;
 }
 
 const double quantity_undefined_color[3] = {0.55, 0.55, 0.55};
@@ -81,7 +81,7 @@ static bool scale_of_defined(const points *set, const quantity_look *look, bool 
 bool quantity_scale(const points *set, const quantity_look *look, double extent, colormap_scale *out,
                     error *e)
 {
-    const shown *s = &shown_of[look->which];
+    const quantity_display *s = &display_of[look->which];
     double unit = s->unit == LENGTH ? extent : s->unit == PER_LENGTH ? 1 / extent : 1;
     colormap_scale scale = degree_scale;
     if (look->low < look->high)

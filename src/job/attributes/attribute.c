@@ -49,9 +49,9 @@ bool attribute_find(const attribute_request *request, point_attribute_kind *kind
 {
     static const char *const needs[] = {"", "", "three", "three", "three or four", "two"};
     const reader *r = reader_of(request);
-    point_attribute_kind own;
-    if (!r->find(request, &own, components, e)) return error_prefix(e, "%s", request->path);
-    *kind = request->has_kind ? request->kind : own;
+    point_attribute_kind found;
+    if (!r->find(request, &found, components, e)) return error_prefix(e, "%s", request->path);
+    *kind = request->has_kind ? request->kind : found;
     return suits(*kind, *components) ||
            error_set(e, ERROR_INPUT_UNSUPPORTED,
                      "%s: \"%s\" has %d components, but this type has %s: give another type", request->path,

@@ -111,25 +111,25 @@ static bool read_sample(const void *context, const int32_t at[3], double value[4
 }
 
 /* A point, for sorting by the last slice that it needs. */
-typedef struct turn {
+typedef struct slice_order {
     int64_t last;
     size_t point;
-} turn;
+} slice_order;
 
 static int compare_turns(const void *a, const void *b)
 {
-    const turn *x = a, *y = b;
+    const slice_order *x = a, *y = b;
     return x->last != y->last ? (x->last < y->last ? -1 : 1) : (x->point > y->point) - (x->point < y->point);
 }
 
-static void line_up(const lattice *l, const slices *s, size_t count, const vec3 *position, turn *turns)
+static void line_up(const lattice *l, const slices *s, size_t count, const vec3 *position, slice_order *turns)
 {
     for (size_t i = 0; i < count; i++) {
         vec3 index = affine_apply(l->to_index, position[i].x, position[i].y, position[i].z);
         stencil around;
         int64_t last =
             stencil_at(l->stencil, index, &around) ? (int64_t)around.first[2] + around.count - 1 : 0;
-        turns[i] = (turn){last < 0 ? 0 : last >= s->size[2] ? s->size[2] - 1 : last, i};
+        turns[i] = (slice_order){last < 0 ? 0 : last >= s->size[2] ? s->size[2] - 1 : last, i};
     }
     qsort(turns, count, sizeof *turns, compare_turns);
 }
@@ -148,7 +148,7 @@ static void turn_vectors(const slices *s, lattice *l)
     for (int i = 0; i < 3; i++) memcpy(l->from_file[i], product[i], sizeof product[i]);
 }
 
-static bool read_slices(slices *s, window *w, const lattice *l, const turn *turns, size_t count,
+static bool read_slices(slices *s, window *w, const lattice *l, const slice_order *turns, size_t count,
                         const vec3 *position, double *values, attribute_counts *counts, error *e)
 {
     size_t next = 0;
@@ -175,7 +175,7 @@ bool dense_attributes_read(const attribute_request *request, size_t count, const
                  .read = read_sample,
                  .context = &w};
     double bytes = (double)s->size[0] * (double)s->size[1] * s->components * sizeof(double);
-    turn *turns = NULL;
+    slice_order *turns = NULL;
     bool ok = HELD * bytes + (double)count * sizeof *turns <= (double)request->memory_limit ||
               error_set(e, ERROR_LIMIT_MEMORY, "four of its slices require %.0f MiB: raise limits.memory_mb",
                         HELD * bytes / (1 << 20));

@@ -35,13 +35,13 @@ bool grid_find(const attribute_request *request, point_attribute_kind *kind, int
     return true;
 }
 
-typedef struct reading {
+typedef struct value_job {
     const attribute_request *request;
     size_t count;
     const vec3 *position;
     double *values;
     attribute_counts *counts;
-} reading;
+} value_job;
 
 static bool read_voxel(const void *context, const int32_t at[3], double value[4])
 {
@@ -51,7 +51,7 @@ static bool read_voxel(const void *context, const int32_t at[3], double value[4]
 
 static bool read_values(void *context, const vdb_voxels *voxels, error *e)
 {
-    const reading *r = context;
+    const value_job *r = context;
     lattice l = {.components = voxels->components,
                  .staggered = voxels->grid_class == VDB_STAGGERED && voxels->components == 3,
                  .kind = r->request->kind,
@@ -70,7 +70,7 @@ bool grid_read(const attribute_request *request, size_t count, const vec3 *posit
 {
     size_t index;
     vdb_entry entry;
-    reading r = {request, count, position, values, counts};
+    value_job r = {request, count, position, values, counts};
     if (!find_entry(request, &index, &entry, e) ||
         !vdb_visit_grid(request->fd, index, request->memory_limit, read_values, &r, e))
         return false;

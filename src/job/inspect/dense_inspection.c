@@ -19,17 +19,17 @@ int dense_inspection_open_beside(void *context, const char *path, error *e)
 }
 
 /* Slices that count the values while they are read by other code. */
-typedef struct counted {
+typedef struct counting_slices {
     slices base; /* first: the slices' functions get this pointer */
     slices *from;
     values *values;
     int64_t passed; /* number of slices that were counted */
     error fault;    /* error of reading */
-} counted;
+} counting_slices;
 
 static bool counted_read(slices *base, int64_t k, double *number, error *e)
 {
-    counted *c = (counted *)base;
+    counting_slices *c = (counting_slices *)base;
     const bool ok = c->from->ops->read(c->from, k, number, &c->fault);
     c->passed = k + 1;
     memcpy(base->inexact, c->from->inexact, sizeof base->inexact);
@@ -42,15 +42,15 @@ static bool counted_read(slices *base, int64_t k, double *number, error *e)
 
 static const slices_ops counted_ops = {.read = counted_read};
 
-static counted counted_of(slices *s, values *v)
+static counting_slices counted_of(slices *s, values *v)
 {
-    counted c = {.base = *s, .from = s, .values = v};
+    counting_slices c = {.base = *s, .from = s, .values = v};
     c.base.ops = &counted_ops;
     return c;
 }
 
 /* Reads and counts the slices that were not read yet. */
-static bool count_rest(counted *c, size_t memory_limit, error *e)
+static bool count_rest(counting_slices *c, size_t memory_limit, error *e)
 {
     const int64_t *size = c->base.size;
     const size_t count = (size_t)(size[0] * size[1]);
@@ -118,7 +118,7 @@ bool dense_inspection_describe(const contents_input *in, slices *s, const char *
     values v = value_statistics_begin();
     label_volume labels = {0};
     error unused = {0};
-    counted passing = counted_of(s, &v);
+    counting_slices passing = counted_of(s, &v);
     describe_slices(s, o);
     const bool are_labels =
         label_volume_read(&passing.base, &all, memory, &labels, &unused) && label_listing_suits(&labels);

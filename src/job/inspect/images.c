@@ -50,10 +50,10 @@ static stack find_stack(const contents_input *in)
     while (begin && begin > name && isdigit((unsigned char)begin[-1])) begin--;
     int digits = (int)(end - begin), head = (int)(begin - in->path);
     if (!end || digits < 1 || digits > 9) return s;
-    int own = atoi(begin);
-    s.first = s.last = own;
+    int number = atoi(begin);
+    s.first = s.last = number;
     for (int step = -1; step <= 1; step += 2)
-        for (int k = own + step; k >= 0 && s.last - s.first + 1 < MOST_SLICES; k += step) {
+        for (int k = number + step; k >= 0 && s.last - s.first + 1 < MOST_SLICES; k += step) {
             char *path = mem_printf("%.*s%0*d%s", head, in->path, digits, k, end);
             bool there = is_there(in, path);
             free(path);
@@ -168,12 +168,12 @@ static void describe_line(char *line, json *channels, const char **part, const c
 bool contents_read_exr(const contents_input *in, json *inspection, error *e)
 {
     const slices_files files = {dense_inspection_open_beside, (void *)in};
-    const exr_stack_params own = {.count = 1,
-                                  .paths = &in->path,
-                                  .numbers = &(int){0},
-                                  .memory_limit = run_options_memory(in->options, 0),
-                                  .files = &files};
-    char *text = exr_stack_list(&own, e), *rest = text;
+    const exr_stack_params params = {.count = 1,
+                                     .paths = &in->path,
+                                     .numbers = &(int){0},
+                                     .memory_limit = run_options_memory(in->options, 0),
+                                     .files = &files};
+    char *text = exr_stack_list(&params, e), *rest = text;
     if (!text) return false;
     stack s = find_stack(in);
     json *channels = json_put_array(inspection, "channels");

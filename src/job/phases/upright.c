@@ -32,6 +32,6 @@ bool upright_y(const spec *s, const points *set)
     const bool y = spec_y_up(s);
     const bbox box = bbox_of_points(set->position, set->count, NULL);
     if (spec_up_is_certain(s)) return y;
-    const double own = base_share(set, box, y ? 1 : 2), other = base_share(set, box, y ? 2 : 1);
-    return other >= BASE && other >= CLEARLY * own ? !y : y;
+    const double share = base_share(set, box, y ? 1 : 2), other_share = base_share(set, box, y ? 2 : 1);
+    return other_share >= BASE && other_share >= CLEARLY * share ? !y : y;
 }

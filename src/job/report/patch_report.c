@@ -74,10 +74,10 @@ static void put_labels(const label_surface *labels, const field_patches *p, cons
     json *list = json_put_array(object, "labels");
     for (size_t k = 0; k < 2 * c->patch_count && count < 2 * MOST_AROUND; k++) {
         int64_t sides[2];
-        bool new = true;
+        bool is_first = true;
         label_surface_sides(labels, p->curve_patch[c->patch_first + k / 2], sides);
-        for (size_t i = 0; i < count; i++) new &= known[i] != sides[k % 2];
-        if (!new) continue;
+        for (size_t i = 0; i < count; i++) is_first &= known[i] != sides[k % 2];
+        if (!is_first) continue;
         known[count++] = sides[k % 2];
         json_append_number(list, (double)sides[k % 2]);
     }

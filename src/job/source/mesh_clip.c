@@ -9,10 +9,10 @@
 /* Maximum corners of a triangle that is clipped at six planes. */
 enum { MOST_CORNERS = 9 };
 
-typedef struct clipping {
+typedef struct clipped_mesh {
     mesh out; /* three vertices for each triangle */
     size_t vertex_room, triangle_room;
-} clipping;
+} clipped_mesh;
 
 void mesh_move(mesh *m, const double to_world[3][4])
 {
@@ -60,7 +60,7 @@ static int cut(vec3 corner[MOST_CORNERS], int count, int axis, double at, bool a
     return next < 3 ? 0 : next;
 }
 
-static bool add_triangle(clipping *c, vec3 a, vec3 b, vec3 d, error *e)
+static bool add_triangle(clipped_mesh *c, vec3 a, vec3 b, vec3 d, error *e)
 {
     const char *what = "the mesh within the region";
     const vec3 corner[3] = {a, b, d};
@@ -77,7 +77,7 @@ static bool add_triangle(clipping *c, vec3 a, vec3 b, vec3 d, error *e)
 
 bool mesh_clip(mesh *m, bbox box, error *e)
 {
-    clipping c = {0};
+    clipped_mesh c = {0};
     bool ok = true;
     for (size_t n = 0; ok && n < m->triangle_count; n++) {
         vec3 corner[MOST_CORNERS];

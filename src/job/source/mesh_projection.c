@@ -126,17 +126,17 @@ static vec3 project(const mesh_projection *l, vec3 x)
     return place;
 }
 
-typedef struct moving {
+typedef struct move_job {
     const mesh_projection *l;
     vec3 *place;
     const double *spacing;
     double *largest; /* per chunk */
     bool *far;       /* per chunk: a place moved by more than FAR_MOVE */
-} moving;
+} move_job;
 
 static void move_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const moving *m = context;
+    const move_job *m = context;
     double largest = 0;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
@@ -151,7 +151,7 @@ static void move_chunk(void *context, int worker, size_t begin, size_t end)
 
 /* The displacement that moves place i away from places that are too close. If two places coincide, the one
  * with the lower index moves along x. */
-static vec3 way_out(const moving *m, const neighbours *near, size_t i)
+static vec3 way_out(const move_job *m, const neighbours *near, size_t i)
 {
     vec3 way = {0, 0, 0};
     for (uint32_t k = 0; k < near->list_count[i]; k++) {
@@ -166,7 +166,7 @@ static vec3 way_out(const moving *m, const neighbours *near, size_t i)
 }
 
 /* Moves places that are too close apart, once. *moved: a place was moved. */
-static bool move_apart(const moving *m, size_t count, threads *pool, bool *moved, error *e)
+static bool move_apart(const move_job *m, size_t count, threads *pool, bool *moved, error *e)
 {
     neighbours *near = neighbours_new(count, SIZE_MAX, e);
     vec3 *to = mem_array(count, sizeof *to, "the points on the triangles", e);
@@ -189,8 +189,8 @@ bool mesh_projection_apply(const mesh_projection *l, vec3 *place, const double *
                            threads *pool, double *largest, error *e)
 {
     const size_t chunks = count / GRAIN + 1;
-    const moving m = {l, place, spacing, mem_alloc(chunks * sizeof *m.largest),
-                      mem_alloc(chunks * sizeof *m.far)};
+    const move_job m = {l, place, spacing, mem_alloc(chunks * sizeof *m.largest),
+                        mem_alloc(chunks * sizeof *m.far)};
     threads_run(pool, count, GRAIN, move_chunk, (void *)&m);
     bool far = false, ok = true;
     *largest = 0;
@@ -204,15 +204,15 @@ bool mesh_projection_apply(const mesh_projection *l, vec3 *place, const double *
     return ok && threads_may_go_on(pool, e);
 }
 
-typedef struct repeating {
+typedef struct repeat_job {
     const mesh_projection *l;
     vec3 *place;
     double most;
-} repeating;
+} repeat_job;
 
 static void repeat_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const repeating *r = context;
+    const repeat_job *r = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         vec3 nearest;
@@ -224,5 +224,5 @@ static void repeat_chunk(void *context, int worker, size_t begin, size_t end)
 
 void mesh_projection_repeat(const mesh_projection *l, vec3 *place, size_t count, double most, threads *pool)
 {
-    threads_run(pool, count, GRAIN, repeat_chunk, &(repeating){l, place, most});
+    threads_run(pool, count, GRAIN, repeat_chunk, &(repeat_job){l, place, most});
 }

@@ -50,9 +50,10 @@ static double longest_cell(const mesh_source_request *r, const mesh_patches *p)
 {
     const double longest = bbox_longest(mesh_box(&p->m, r->as_volume.pool)), most = longest / least_cells,
                  asked = spacing_of(r, mesh_area(&p->m)),
-                 own = fmin(own_floor * longest,
-                            triangle_floor * sqrt(mesh_area(&p->m) / fmax((double)p->m.triangle_count, 1))),
-                 spacing = r->resolve && !(asked > 0) ? own : asked;
+                 by_mesh =
+                     fmin(own_floor * longest,
+                          triangle_floor * sqrt(mesh_area(&p->m) / fmax((double)p->m.triangle_count, 1))),
+                 spacing = r->resolve && !(asked > 0) ? by_mesh : asked;
     const double shortest = r->resolve ? sqrt(mesh_area(&p->m) / most_cells) : 0;
     return spacing > 0 ? fmax(fmin(spacing, most), shortest) : most;
 }
@@ -267,7 +268,7 @@ static bool close_holes(mesh *m, const mesh_edges *edges, size_t *holes, error *
 /* Makes a closed copy of a mesh by filling its holes. *out is empty if that is not sufficient. */
 static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out, mesh_notes *notes, error *e)
 {
-    mesh_edges own = {0};
+    mesh_edges closed_edges = {0};
     const mesh_edges *edges = NULL;
     mesh_notes unused = {0}; /* dropped: the level set adds the same notes */
     size_t holes = 0;
@@ -275,9 +276,9 @@ static bool fill_holes(const mesh_source_request *r, const welded *w, mesh *out,
               mesh_weld(out, MESH_DROP_IF_CLOSED, &unused, e) &&
               (edges = mesh_edges_close_seams(out, edges_of(w),
                                               r->spec->weld * bbox_longest(mesh_box(out, r->as_volume.pool)),
-                                              r->as_volume.pool, &own, &unused, e)) &&
+                                              r->as_volume.pool, &closed_edges, &unused, e)) &&
               close_holes(out, edges, &holes, e);
-    mesh_edges_free(&own);
+    mesh_edges_free(&closed_edges);
     if (ok && holes) mesh_note(notes, "%zu holes of the mesh are filled", holes);
     return ok;
 }

@@ -31,22 +31,22 @@ typedef struct leaf {
 } leaf;
 
 /* The place of a point. */
-typedef struct located {
+typedef struct point_place {
     mesh_place place;
     vec3 normal; /* of the point, in the space of the leaf */
     uint16_t leaf;
     bool is_beside;  /* within BESIDE_PART voxels of another part */
     bool is_limited; /* beside limited samples of a volume */
-} located;
+} point_place;
 
-typedef struct finding {
+typedef struct curvature_job {
     const source *source;
     const point_curvature_input *in;
     leaf *leaves;
     size_t leaf_count;
-    located *at;
+    point_place *at;
     point_curvature *out;
-} finding;
+} curvature_job;
 
 /* ---- the meshes of a surface */
 
@@ -87,7 +87,7 @@ static const placement *placement_within(const source_part *p)
     return p->placement && p->field == placement_field(p->placement) ? p->placement : NULL;
 }
 
-static void list_meshes(finding *f, const source_part *p, const placement **outer, size_t depth)
+static void list_meshes(curvature_job *f, const source_part *p, const placement **outer, size_t depth)
 {
     const placement *within = placement_within(p);
     if (within) outer[depth++] = within;
@@ -123,7 +123,7 @@ static bool is_uncut(const leaf *l)
     return l->part->mesh && l->m != mesh_surface_given(l->part->mesh);
 }
 
-static bool make_trees(finding *f, const threads *pool, error *e)
+static bool make_trees(curvature_job *f, const threads *pool, error *e)
 {
     for (size_t k = 0; k < f->leaf_count; k++)
         if (is_uncut(&f->leaves[k]) && !(f->leaves[k].tree = triangle_tree_new(f->leaves[k].m, pool, e)))
@@ -150,7 +150,7 @@ static void close_leaf(leaf *l)
 
 /* ---- places */
 
-static uint16_t index_of(const finding *f, const source_part *p)
+static uint16_t index_of(const curvature_job *f, const source_part *p)
 {
     size_t k = 0;
     while (k < f->leaf_count && f->leaves[k].part != p) k++;
@@ -172,11 +172,11 @@ static bool is_beside(const source_part *p, size_t k, vec3 x)
 }
 
 /* Finds the mesh on which a point lies, and its place there. */
-static void locate(const finding *f, size_t i, located *out)
+static void locate(const curvature_job *f, size_t i, point_place *out)
 {
     const source_part *p = &f->source->whole;
     vec3 x = f->in->position[i], normal = f->in->normal[i];
-    *out = (located){.leaf = NO_LEAF};
+    *out = (point_place){.leaf = NO_LEAF};
     while (p->part_count > 0) {
         const placement *within = placement_within(p);
         const size_t k = source_nearest_part(p, x);
@@ -205,12 +205,12 @@ static void locate(const finding *f, size_t i, located *out)
 
 static void locate_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const finding *f = context;
+    const curvature_job *f = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) locate(f, i, &f->at[i]);
 }
 
-static bool prepare_leaf(const finding *f, size_t k, threads *pool, error *e)
+static bool prepare_leaf(const curvature_job *f, size_t k, threads *pool, error *e)
 {
     leaf *l = &f->leaves[k];
     size_t count = 0;
@@ -243,7 +243,7 @@ static sym3 of_principal(double a, vec3 u, double b, vec3 v)
 
 /* The surface at a distance from a mesh: changes the sample, which is of the mesh. False: its curvature is
  * undefined. */
-static bool move_by_offset(const leaf *l, const located *at, bool is_defined, field_sample *s)
+static bool move_by_offset(const leaf *l, const point_place *at, bool is_defined, field_sample *s)
 {
     const double d = l->offset;
     vec3 along = {0, 0, 0}, u, v;
@@ -267,9 +267,9 @@ static bool move_by_offset(const leaf *l, const located *at, bool is_defined, fi
     return true;
 }
 
-static void evaluate(const finding *f, size_t i, point_curvature *out)
+static void evaluate(const curvature_job *f, size_t i, point_curvature *out)
 {
-    const located *at = &f->at[i];
+    const point_place *at = &f->at[i];
     *out = (point_curvature){.is_special = at->leaf != NO_LEAF || at->is_limited};
     if (at->leaf == NO_LEAF || at->is_beside) return;
     const leaf *l = &f->leaves[at->leaf];
@@ -285,7 +285,7 @@ static void evaluate(const finding *f, size_t i, point_curvature *out)
 
 static void evaluate_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const finding *f = context;
+    const curvature_job *f = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) evaluate(f, i, &f->out[i]);
 }
@@ -294,7 +294,7 @@ bool point_curvature_find(const source *s, const point_curvature_input *in, thre
                           point_curvature *out, error *e)
 {
     const size_t meshes = count_meshes(&s->whole);
-    finding f = {s, in, mem_alloc((meshes + 1) * sizeof *f.leaves), 0, NULL, out};
+    curvature_job f = {s, in, mem_alloc((meshes + 1) * sizeof *f.leaves), 0, NULL, out};
     const placement **outer = mem_alloc(depth_of(&s->whole) * sizeof *outer);
     list_meshes(&f, &s->whole, outer, 0);
     free(outer);
