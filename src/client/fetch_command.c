@@ -201,7 +201,7 @@ static int fetch_list(client *c, const char *list, const char *directory, const 
 }
 
 /* Progress of fetching the frames of an array. */
-typedef struct fetching {
+typedef struct array_fetch {
     const char *id, *directory;
     const command_options *options;
     bool silent; /* print failures only */
@@ -213,14 +213,14 @@ typedef struct fetching {
     progress_bar bar;
     json *frames;   /* for `document` */
     json *document; /* with --json: what was fetched */
-} fetching;
+} array_fetch;
 
-static bool is_wanted(const fetching *f, int frame)
+static bool is_wanted(const array_fetch *f, int frame)
 {
     return !f->wanted || bsearch(&frame, f->wanted, f->wanted_count, sizeof frame, compare_ints);
 }
 
-static int fetch_frame(client *c, fetching *f, int frame)
+static int fetch_frame(client *c, array_fetch *f, int frame)
 {
     json *found = NULL;
     char *list = mem_printf("/v1/jobs/%s/results?frame=%d", f->id, frame),
@@ -242,7 +242,7 @@ static int fetch_frame(client *c, fetching *f, int frame)
 }
 
 /* Fetches the results of one task, or records why there are none. */
-static int fetch_task(client *c, fetching *f, json_at task)
+static int fetch_task(client *c, array_fetch *f, json_at task)
 {
     int frame = (int)json_number(json_member(&task, "frame"), -1);
     const char *state = json_string(json_member(&task, "state"), "?");
@@ -263,7 +263,7 @@ static int fetch_task(client *c, fetching *f, json_at task)
     return COMMAND_OK;
 }
 
-static int fetch_tasks(client *c, fetching *f)
+static int fetch_tasks(client *c, array_fetch *f)
 {
     int code = COMMAND_OK;
     double after = TASKS_FROM_THE_FIRST;
@@ -277,7 +277,7 @@ static int fetch_tasks(client *c, fetching *f)
 }
 
 /* Prints how many frames were fetched and which are missing. */
-static int sum_up(fetching *f)
+static int sum_up(array_fetch *f)
 {
     int unknown = f->wanted ? f->all - f->seen : 0;
     if (f->options->json) {
@@ -299,12 +299,12 @@ static int sum_up(fetching *f)
 }
 
 /* Prints which job is fetched, unless the output is a document or none. */
-static void print_identity(const fetching *f, json_at job)
+static void print_identity(const array_fetch *f, json_at job)
 {
     if (!f->silent && !f->options->json) job_table_print_identity(job, stderr);
 }
 
-static int fetch_array(client *c, fetching *f, json_at job)
+static int fetch_array(client *c, array_fetch *f, json_at job)
 {
     error e = {0};
     const char *given = f->options->frame;
@@ -331,7 +331,7 @@ static int fetch_array(client *c, fetching *f, json_at job)
     return code == COMMAND_OK ? sum : code;
 }
 
-static int fetch_single(client *c, fetching *f, json_at job)
+static int fetch_single(client *c, array_fetch *f, json_at job)
 {
     json *found = NULL;
     if (f->options->frame) {
@@ -362,11 +362,11 @@ static int fetch_job(client *c, json_at job, const char *directory, bool silent,
 {
     json_at tasks = json_member(&job, "tasks");
     const bool array = json_bool(json_member(&job, "array"), false);
-    fetching f = {.id = json_string(json_member(&job, "id"), ""),
-                  .directory = directory,
-                  .options = options,
-                  .silent = silent,
-                  .all = (int)json_number(json_member(&tasks, "all"), 0)};
+    array_fetch f = {.id = json_string(json_member(&job, "id"), ""),
+                     .directory = directory,
+                     .options = options,
+                     .silent = silent,
+                     .all = (int)json_number(json_member(&tasks, "all"), 0)};
     int code = array ? fetch_array(c, &f, job) : fetch_single(c, &f, job);
     *document = f.document;
     return code;

@@ -18,7 +18,7 @@
 
 /* Jobs whose ids begin with a text. */
 typedef struct matches {
-    const char *beginning; /* "": all ids */
+    const char *prefix; /* "": all ids */
     json *jobs;
 } matches;
 
@@ -34,7 +34,7 @@ bool job_name_is_short(const char *name)
 }
 
 /* Whether the name may be the beginning of an id. */
-static bool is_beginning(const char *name)
+static bool is_prefix(const char *name)
 {
     size_t length = strlen(name);
     return length >= JOB_NAME_PREFIX_LEAST && length < ID_LENGTH && strspn(name, ULID_ALPHABET) == length;
@@ -42,10 +42,10 @@ static bool is_beginning(const char *name)
 
 /* The earliest or the latest time of a job whose id begins with the text, in the form that a query of the
  * list accepts. */
-static char *moment_of(const char *beginning, char filler, int64_t later_ms)
+static char *moment_of(const char *prefix, char filler, int64_t later_ms)
 {
     char id[ULID_SIZE], text[CLOCK_TEXT_SIZE];
-    snprintf(id, sizeof id, "%s", beginning);
+    snprintf(id, sizeof id, "%s", prefix);
     for (size_t i = strlen(id); i < ID_LENGTH; i++) id[i] = filler;
     id[ID_LENGTH] = '\0';
     if (!ulid_is_valid(id)) return NULL;
@@ -55,9 +55,9 @@ static char *moment_of(const char *beginning, char filler, int64_t later_ms)
 static void take_matches(matches *m, json_at page)
 {
     json_at jobs = json_member(&page, "jobs");
-    size_t length = strlen(m->beginning);
+    size_t length = strlen(m->prefix);
     for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
-        if (strncmp(json_string(json_member(&job, "id"), ""), m->beginning, length) == 0)
+        if (strncmp(json_string(json_member(&job, "id"), ""), m->prefix, length) == 0)
             json_append(m->jobs, json_copy(job.node));
     }
 }
@@ -88,8 +88,8 @@ static int collect(client *c, const command_options *chosen, bool first_only, ma
 static int refuse_several(const char *name, const matches *m)
 {
     json_at jobs = json_root(m->jobs);
-    print_failure("%s is the %s of %zu jobs: give %s", name, *m->beginning ? "beginning of the IDs" : "name",
-                  json_size(jobs), *m->beginning ? "more characters" : "an ID");
+    print_failure("%s is the %s of %zu jobs: give %s", name, *m->prefix ? "beginning of the IDs" : "name",
+                  json_size(jobs), *m->prefix ? "more characters" : "an ID");
     for (json_at job = json_first(&jobs); job.node; job = json_next(&job)) {
         fputs("  ", stderr);
         terminal_text_put(stderr, json_string(json_member(&job, "id"), "?"));
@@ -104,10 +104,10 @@ static int refuse_several(const char *name, const matches *m)
 
 /* Sets *id if exactly one of the jobs that the options select matches; without a match it remains NULL.
  * Several matches are refused, unless `first_only`. */
-static int find(client *c, const command_options *chosen, const char *name, const char *beginning,
+static int find(client *c, const command_options *chosen, const char *name, const char *prefix,
                 bool first_only, char **id)
 {
-    matches m = {.beginning = beginning, .jobs = json_new_array()};
+    matches m = {.prefix = prefix, .jobs = json_new_array()};
     int code = collect(c, chosen, first_only, &m);
     json_at jobs = json_root(m.jobs), first = json_first(&jobs);
     if (code == COMMAND_OK && json_size(jobs) > 1 && !first_only)
@@ -173,7 +173,7 @@ int job_name_resolve(client *c, const char *name, char **id)
     if (code == COMMAND_OK && strcmp(name, JOB_NAME_LATEST) == 0) {
         code = find_latest(c, user, &found);
     } else if (code == COMMAND_OK) {
-        if (is_beginning(name)) code = find_beginning(c, user, name, &found);
+        if (is_prefix(name)) code = find_beginning(c, user, name, &found);
         if (code == COMMAND_OK && !found && *name) code = find_named(c, user, name, &found);
         if (code == COMMAND_OK && !found) code = refuse_unknown(user, name);
     }

@@ -65,18 +65,18 @@ static int end_wait_for_copy(client *c, const json *document, const command_opti
 
 /* What the wait is for, whether it shows the progress of the job, and the function that prints the job and
  * returns the exit code. */
-typedef struct goal {
+typedef struct wait_condition {
     bool shows_progress;
     bool (*is_reached)(json_at job);
     int (*end)(client *c, const json *document, const command_options *options);
-} goal;
+} wait_condition;
 
 static bool is_queued(json_at job)
 {
     return strcmp(json_string(json_member(&job, "state"), ""), "queued") == 0;
 }
 
-static int wait_for(client *c, const char *path, const goal *g, const command_options *options)
+static int wait_for(client *c, const char *path, const wait_condition *g, const command_options *options)
 {
     int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
     bool is_explained = false; /* why the job is still queued at the longest interval */
@@ -121,12 +121,12 @@ static int wait_for(client *c, const char *path, const goal *g, const command_op
 
 int command_wait_for(client *c, const char *path, const command_options *options)
 {
-    return wait_for(c, path, &(goal){true, command_has_ended, end_wait}, options);
+    return wait_for(c, path, &(wait_condition){true, command_has_ended, end_wait}, options);
 }
 
 int command_wait_for_copy(client *c, const char *path, const command_options *options)
 {
-    return wait_for(c, path, &(goal){false, is_copied, end_wait_for_copy}, options);
+    return wait_for(c, path, &(wait_condition){false, is_copied, end_wait_for_copy}, options);
 }
 
 int command_wait(client *c, const char *argument, const command_options *options)

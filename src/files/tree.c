@@ -64,25 +64,25 @@ static void sort_if_many(store_tree *t)
     t->sorted = t->count;
 }
 
-static bool note(store_tree *t, const char *path, int fd, error *e)
+static bool record_file(store_tree *t, const char *path, int fd, error *e)
 {
     store_identity identity = {0};
     const bool is_known = store_identify(fd, &identity);
-    entry *before = find_entry(t, path);
-    if (before) {
-        t->has_changed |= !is_known || !store_identity_equals(&before->identity, &identity);
+    entry *known = find_entry(t, path);
+    if (known) {
+        t->has_changed |= !is_known || !store_identity_equals(&known->identity, &identity);
         return true;
     }
     if (t->count == t->capacity) {
         t->capacity = t->capacity ? 2 * t->capacity : 64;
         t->entries = mem_resize(t->entries, t->capacity * sizeof *t->entries);
     }
-    entry *new = &t->entries[t->count];
-    *new = (entry){.identity = identity};
+    entry *added = &t->entries[t->count];
+    *added = (entry){.identity = identity};
     t->has_changed |= !is_known;
-    new->facts.bytes = identity.bytes;
-    if (t->hashes && !store_file_hash(fd, new->facts.sha256, &new->facts.bytes, e)) return false;
-    new->path = mem_strdup(path);
+    added->facts.bytes = identity.bytes;
+    if (t->hashes && !store_file_hash(fd, added->facts.sha256, &added->facts.bytes, e)) return false;
+    added->path = mem_strdup(path);
     t->count++;
     sort_if_many(t);
     return true;
@@ -109,7 +109,7 @@ int store_tree_open(store_tree *t, const char *path, bool *is_missing, error *e)
         close(fd);
         return -1;
     }
-    if (note(t, path, fd, e)) return fd;
+    if (record_file(t, path, fd, e)) return fd;
     close(fd);
     return -1;
 }

@@ -264,17 +264,17 @@ static void read_progress(child *c)
     if (c->length == sizeof c->line) c->length = 0;
 }
 
-typedef struct waiting {
+typedef struct child_wait {
     hexad_job *job;
     child *child;
     int64_t told_ms; /* of the last call of the progress function */
     bool has_data;
-} waiting;
+} child_wait;
 
 /* Waits until the child returns a part of its result or has ended. False: the job is cancelled while it does. */
 static bool wait_for_data(void *context)
 {
-    waiting *w = context;
+    child_wait *w = context;
     child *c = w->child;
     for (;;) {
         struct pollfd ends[2] = {{c->arrays, POLLIN, 0}, {c->progress, POLLIN, 0}};
@@ -311,7 +311,7 @@ bool call_in_child(hexad_job *job, const json *document, const spec *s, error *e
     child c;
     if (job->root_count == 0 && !check_files(s, e)) return false;
     if (!start(job, document, s, &c, e)) return false;
-    waiting w = {.job = job, .child = &c};
+    child_wait w = {.job = job, .child = &c};
     const bool ok = result_arrays_read(c.arrays, wait_for_data, &w, &job->results, e);
     end(&c);
     return ok;
