@@ -9,16 +9,16 @@
 
 /* ---- results of waiting tasks */
 
-typedef struct finding {
+typedef struct outcome_change {
     change change;
     const char *id;
     int frame;
     queue_outcome outcome;
     bool accepted;
-} finding;
+} outcome_change;
 
 /* Finds the task if it waits: its number, and whether it is delayed or held. */
-static bool find_waiting(database *d, const finding *f, const job_state *j, int *number, bool *delayed,
+static bool find_waiting(database *d, const outcome_change *f, const job_state *j, int *number, bool *delayed,
                          bool *held, bool *found, error *e)
 {
     bool ok = false;
@@ -43,7 +43,7 @@ static bool find_waiting(database *d, const finding *f, const job_state *j, int 
 
 static bool end_found(database *d, change *asked)
 {
-    finding *f = (finding *)asked;
+    outcome_change *f = (outcome_change *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     int number = 0;
@@ -72,7 +72,7 @@ static bool end_found(database *d, change *asked)
 
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e)
 {
-    finding f = {.change.apply = end_found, .id = id, .frame = frame, .outcome = outcome};
+    outcome_change f = {.change.apply = end_found, .id = id, .frame = frame, .outcome = outcome};
     if (!database_change(q->database, &f.change, e)) return false;
     *accepted = f.accepted;
     return true;
@@ -80,11 +80,11 @@ bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome,
 
 /* ---- results of jobs that are not in the queue */
 
-typedef struct adopting {
+typedef struct adoption_change {
     change change;
     const queue_adoption *jobs;
     size_t count;
-} adopting;
+} adoption_change;
 
 static bool insert_tasks(database *d, const queue_adoption *a, int64_t seq, error *e)
 {
@@ -132,7 +132,7 @@ static bool adopt_one(database *d, const queue_adoption *a, int64_t now, error *
 
 static bool adopt(database *d, change *asked)
 {
-    const adopting *x = (adopting *)asked;
+    const adoption_change *x = (adoption_change *)asked;
     int64_t now = clock_wall_ms();
     bool ok = true;
     for (size_t i = 0; ok && i < x->count; i++) ok = adopt_one(d, &x->jobs[i], now, &asked->fault);
@@ -141,6 +141,6 @@ static bool adopt(database *d, change *asked)
 
 bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e)
 {
-    adopting x = {.change.apply = adopt, .jobs = jobs, .count = count};
+    adoption_change x = {.change.apply = adopt, .jobs = jobs, .count = count};
     return database_change(q->database, &x.change, e);
 }

@@ -8,15 +8,15 @@
 #include "service/queue/members.h"
 #include "service/queue/pieces.h"
 
-typedef struct working {
+typedef struct completion_change {
     change change;
     int64_t seq; /* of the job; 0: the next row of the table ended */
     bool any;    /* there are pieces */
-} working;
+} completion_change;
 
-static bool work(database *d, change *asked)
+static bool complete_some(database *d, change *asked)
 {
-    working *w = (working *)asked;
+    completion_change *w = (completion_change *)asked;
     error *e = &asked->fault;
     const int64_t now = clock_wall_ms();
     job_state j = {0};
@@ -28,8 +28,8 @@ static bool work(database *d, change *asked)
 }
 
 /* Reads the owner of the job, whether it has pieces, and its state. */
-static bool look(queue *q, const char *id, working *w, char owner[QUEUE_OWNER_SIZE], queue_state *now,
-                 error *e)
+static bool look(queue *q, const char *id, completion_change *w, char owner[QUEUE_OWNER_SIZE],
+                 queue_state *now, error *e)
 {
     bool ok = false;
     w->any = false;
@@ -50,7 +50,7 @@ static bool look(queue *q, const char *id, working *w, char owner[QUEUE_OWNER_SI
 bool queue_complete(queue *q, const char *id, queue_state *now, error *e)
 {
     char owner[QUEUE_OWNER_SIZE] = "";
-    working w = {.change = {.apply = work, .user = owner}};
+    completion_change w = {.change = {.apply = complete_some, .user = owner}};
     bool ok = look(q, id, &w, owner, now, e);
     while (ok && w.any) ok = database_change(q->database, &w.change, e) && look(q, id, &w, owner, now, e);
     return ok;
@@ -80,8 +80,8 @@ static bool find_next(queue *q, int64_t *seq, bool *ended, error *e)
 
 bool queue_do_piece(queue *q, bool *more, error *e)
 {
-    working ended = {.change = {.apply = work, .user = ""}},
-            piece = {.change = {.apply = work, .user = q->owner_of_piece}};
+    completion_change ended = {.change = {.apply = complete_some, .user = ""}},
+                      piece = {.change = {.apply = complete_some, .user = q->owner_of_piece}};
     if (!find_next(q, &piece.seq, &ended.any, e) ||
         (ended.any && !database_change(q->database, &ended.change, e)) ||
         (piece.seq && !database_change(q->database, &piece.change, e)))

@@ -10,11 +10,11 @@
 #include "service/queue/members.h"
 #include "service/queue/usage.h"
 
-typedef struct noting {
+typedef struct record_change {
     change change;
     const char *directory, *name; /* directory NULL: deletes the record */
     const char *output, *owner;
-} noting;
+} record_change;
 
 bool copy_forget(database *d, const char *name, error *e)
 {
@@ -23,7 +23,7 @@ bool copy_forget(database *d, const char *name, error *e)
 
 static bool apply(database *d, change *asked)
 {
-    const noting *n = (noting *)asked;
+    const record_change *n = (record_change *)asked;
     error *e = &asked->fault;
     if (!n->directory) return copy_forget(d, n->name, e);
     return RUN(d, e, "INSERT OR REPLACE INTO copy (name, directory) VALUES (?1, ?2)", text(n->name),
@@ -35,7 +35,7 @@ static bool apply(database *d, change *asked)
 bool queue_note_copy(queue *q, const char *directory, const char *name, const char *output, const char *owner,
                      error *e)
 {
-    noting n = {
+    record_change n = {
         .change.apply = apply, .directory = directory, .name = name, .output = output, .owner = owner};
     return database_change(q->database, &n.change, e);
 }
@@ -57,7 +57,7 @@ bool queue_get_output_owner(queue *q, const char *output, char **owner, error *e
 
 bool queue_forget_copy(queue *q, const char *name, error *e)
 {
-    noting n = {.change.apply = apply, .name = name};
+    record_change n = {.change.apply = apply, .name = name};
     return database_change(q->database, &n.change, e);
 }
 
@@ -145,16 +145,16 @@ bool queue_next_uncopied(queue *q, int64_t after, queue_uncopied *job, bool *fou
     return ok;
 }
 
-typedef struct copying {
+typedef struct copied_change {
     change change;
     const char *id, *name;
     const queue_task *task;
     const error *fault;
-} copying;
+} copied_change;
 
 static bool note_copied(database *d, change *asked)
 {
-    const copying *c = (copying *)asked;
+    const copied_change *c = (copied_change *)asked;
     error *e = &asked->fault;
     int64_t seq = 0, now = clock_wall_ms();
     if (!copy_forget(d, c->name, e) ||
@@ -176,13 +176,13 @@ static bool note_copied(database *d, change *asked)
 bool queue_note_copied(queue *q, const char *id, const queue_task *task, const error *fault, const char *name,
                        error *e)
 {
-    copying c = {.change.apply = note_copied, .id = id, .name = name, .task = task, .fault = fault};
+    copied_change c = {.change.apply = note_copied, .id = id, .name = name, .task = task, .fault = fault};
     return database_change(q->database, &c.change, e);
 }
 
 static bool end_copying(database *d, change *asked)
 {
-    const copying *c = (copying *)asked;
+    const copied_change *c = (copied_change *)asked;
     error *e = &asked->fault;
     job_state j;
     bool found = false;
@@ -203,6 +203,6 @@ static bool end_copying(database *d, change *asked)
 
 bool queue_end_copying(queue *q, const char *id, error *e)
 {
-    copying c = {.change.apply = end_copying, .id = id};
+    copied_change c = {.change.apply = end_copying, .id = id};
     return database_change(q->database, &c.change, e);
 }

@@ -23,15 +23,15 @@ bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *
     return true;
 }
 
-typedef struct naming {
+typedef struct instance_change {
     change change;
     const queue_instance *instance;
-} naming;
+} instance_change;
 
 static bool name(database *d, change *asked)
 {
     static const char forget[] = "DELETE FROM instance";
-    const naming *n = (naming *)asked;
+    const instance_change *n = (instance_change *)asked;
     error *e = &asked->fault;
     return database_run(d, forget, NULL, 0, e) &&
            RUN(d, e, "INSERT INTO instance (id, boot_id) VALUES (?1, ?2)", text(n->instance->id),
@@ -40,6 +40,6 @@ static bool name(database *d, change *asked)
 
 bool queue_set_instance(queue *q, const queue_instance *instance, error *e)
 {
-    naming n = {.change.apply = name, .instance = instance};
+    instance_change n = {.change.apply = name, .instance = instance};
     return database_change(q->database, &n.change, e);
 }

@@ -18,16 +18,16 @@ bool running_read(queue *q, running_period periods[RUNNING_PERIODS_MOST], size_t
     return ok;
 }
 
-typedef struct storing {
+typedef struct running_change {
     change change;
     running_period period[RUNNING_PERIODS_MOST];
     size_t count;
-} storing;
+} running_change;
 
 static bool store(database *d, change *asked)
 {
     static const char forget[] = "DELETE FROM running";
-    const storing *s = (storing *)asked;
+    const running_change *s = (running_change *)asked;
     error *e = &asked->fault;
     bool ok = database_run(d, forget, NULL, 0, e);
     for (size_t i = 0; ok && i < s->count; i++)
@@ -38,21 +38,21 @@ static bool store(database *d, change *asked)
 
 bool queue_store_running(queue *q, error *e)
 {
-    storing s = {.change.apply = store};
+    running_change s = {.change.apply = store};
     s.count = running_time_list(q->running, s.period);
     return database_change(q->database, &s.change, e);
 }
 
-typedef struct shortening {
+typedef struct waits_change {
     change change;
     int64_t now;
     bool more;
-} shortening;
+} waits_change;
 
 /* Shortens some waits. */
 static bool shorten(database *d, change *asked)
 {
-    shortening *s = (shortening *)asked;
+    waits_change *s = (waits_change *)asked;
     error *e = &asked->fault;
     if (!RUN(d, e,
              "UPDATE task SET not_before_ms = ?1 + wait_ms WHERE (job, number) IN"
@@ -72,7 +72,7 @@ static bool shorten(database *d, change *asked)
 
 bool queue_shorten_waits(queue *q, error *e)
 {
-    shortening s = {.change = {.apply = shorten, .user = ""}, .now = clock_wall_ms()};
+    waits_change s = {.change = {.apply = shorten, .user = ""}, .now = clock_wall_ms()};
     bool ok = true;
     for (s.more = true; ok && s.more;) ok = database_change(q->database, &s.change, e);
     return ok;

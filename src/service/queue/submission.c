@@ -23,7 +23,7 @@ typedef struct submission_entry {
     int tasks;               /* admitted, and not yet counted by the database */
 } submission_entry;
 
-typedef struct submitting {
+typedef struct submission_change {
     change change;
     const queue_submission *in;
     queue *q;
@@ -34,10 +34,10 @@ typedef struct submitting {
     size_t items, next;   /* number of jobs that it needs and of tasks; number of those that are inserted */
     int64_t dependencies; /* inserted ones */
     queue_receipt receipt;
-} submitting;
+} submission_change;
 
 /* Looks up the idempotency key. If it was used before, sets the receipt. */
-static bool find_replay(database *d, submitting *s, bool *seen, error *e)
+static bool find_replay(database *d, submission_change *s, bool *seen, error *e)
 {
     bool ok = false;
     queue_receipt *r = &s->receipt;
@@ -66,7 +66,7 @@ static bool find_entry(const queue *q, const char *owner, const char *key)
     return false;
 }
 
-static void note_tasks(submitting *s, int tasks)
+static void note_tasks(submission_change *s, int tasks)
 {
     pthread_mutex_lock(&s->q->storing);
     s->entry.tasks = tasks;
@@ -74,7 +74,7 @@ static void note_tasks(submitting *s, int tasks)
 }
 
 /* The numbers of jobs and tasks of other submissions of the owner that are being stored. */
-static void count_entries(const submitting *s, int64_t *jobs, int64_t *tasks)
+static void count_entries(const submission_change *s, int64_t *jobs, int64_t *tasks)
 {
     const submission_entry *other;
     *jobs = *tasks = 0;
@@ -87,7 +87,7 @@ static void count_entries(const submitting *s, int64_t *jobs, int64_t *tasks)
     pthread_mutex_unlock(&s->q->storing);
 }
 
-static bool check_share(database *d, submitting *s, bool *full, error *e)
+static bool check_share(database *d, submission_change *s, bool *full, error *e)
 {
     bool ok = false;
     int64_t jobs, tasks;
@@ -106,7 +106,7 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
 }
 
 /* Whether the bounds permit more results. */
-static bool check_results(database *d, submitting *s, bool *full, error *e)
+static bool check_results(database *d, submission_change *s, bool *full, error *e)
 {
     usage_level level = USAGE_BELOW_BOUNDS;
     if (!usage_check(s->q, d, s->owner, &level, e)) return false;
@@ -123,7 +123,7 @@ typedef struct need {
 
 #define NEED_IS_SHOWN RELATION_IS_SHOWN("?2", "owner")
 
-static bool look_at_need(database *d, const submitting *s, const char *id, need *n, error *e)
+static bool look_at_need(database *d, const submission_change *s, const char *id, need *n, error *e)
 {
     bool ok = false;
     sqlite3_stmt *row = ASK(d, e, "SELECT seq, " NEED_IS_SHOWN " FROM job WHERE id = ?1 AND " SCHEMA_WHOLE,
@@ -182,7 +182,7 @@ static bool find_missing_frame(database *d, const queue_submission *in, const ch
 }
 
 /* Refuses the dependency with this index. */
-static bool refuse(submitting *s, queue_admission why, size_t index, bool *refused)
+static bool refuse(submission_change *s, queue_admission why, size_t index, bool *refused)
 {
     s->receipt.admission = why;
     s->receipt.dependency = index;
@@ -192,8 +192,8 @@ static bool refuse(submitting *s, queue_admission why, size_t index, bool *refus
 
 /* Checks a job in after_frames. If it is refused, sets the receipt. The frames of another user's job are
  * not read. */
-static bool check_frames(database *d, submitting *s, size_t index, const need *n, bool again, bool *refused,
-                         error *e)
+static bool check_frames(database *d, submission_change *s, size_t index, const need *n, bool again,
+                         bool *refused, error *e)
 {
     bool all = false;
     need_kind kind;
@@ -205,7 +205,7 @@ static bool check_frames(database *d, submitting *s, size_t index, const need *n
 
 /* Checks that the jobs exist for which the new job waits. *refused: a dependency is not possible; the receipt has
  * its index. */
-static bool check_needs(database *d, submitting *s, bool *refused, error *e)
+static bool check_needs(database *d, submission_change *s, bool *refused, error *e)
 {
     *refused = false;
     for (size_t i = 0; !*refused && i < count_needs(s->in); i++) {
@@ -223,7 +223,7 @@ static bool check_needs(database *d, submitting *s, bool *refused, error *e)
 }
 
 /* Sets `refused`, and the receipt if it is true. */
-static bool admit(database *d, submitting *s, error *e)
+static bool admit(database *d, submission_change *s, error *e)
 {
     bool stop = false;
     s->refused = true;
@@ -239,7 +239,7 @@ static bool admit(database *d, submitting *s, error *e)
 }
 
 /* Inserts the job without tasks: no caller sees it. */
-static bool insert_job(database *d, submitting *s, int64_t now, error *e)
+static bool insert_job(database *d, submission_change *s, int64_t now, error *e)
 {
     const queue_submission *in = s->in;
     job_state *j = &s->job;
@@ -270,7 +270,7 @@ static bool insert_job(database *d, submitting *s, int64_t now, error *e)
     return ok;
 }
 
-static bool insert_dependency(database *d, submitting *s, size_t index, error *e)
+static bool insert_dependency(database *d, submission_change *s, size_t index, error *e)
 {
     need_kind kind;
     const char *id = need_at(s->in, index, &kind);
@@ -286,7 +286,7 @@ static bool insert_dependency(database *d, submitting *s, size_t index, error *e
 }
 
 /* Inserts a task, and the uploaded file that it reads. */
-static bool insert_task(database *d, const submitting *s, size_t i, error *e)
+static bool insert_task(database *d, const submission_change *s, size_t i, error *e)
 {
     const queue_submission *in = s->in;
     return RUN(d, e, "INSERT INTO task (job, number, frame, file, waits) VALUES (?1, ?2, ?3, ?4, ?5)",
@@ -299,7 +299,7 @@ static bool insert_task(database *d, const submitting *s, size_t i, error *e)
 }
 
 /* Inserts at most `most` dependencies and tasks. */
-static bool insert_items(database *d, submitting *s, size_t most, error *e)
+static bool insert_items(database *d, submission_change *s, size_t most, error *e)
 {
     const size_t needs = count_needs(s->in);
     bool ok = true;
@@ -309,7 +309,7 @@ static bool insert_items(database *d, submitting *s, size_t most, error *e)
 }
 
 /* Refuses the job if one that it needs was deleted after its dependency was inserted. */
-static bool check_dependencies(database *d, submitting *s, error *e)
+static bool check_dependencies(database *d, submission_change *s, error *e)
 {
     int64_t kept = 0;
     return !s->dependencies ||
@@ -323,7 +323,7 @@ static bool check_dependencies(database *d, submitting *s, error *e)
 }
 
 /* Makes the job visible. */
-static bool publish(database *d, submitting *s, int64_t now, error *e)
+static bool publish(database *d, submission_change *s, int64_t now, error *e)
 {
     job_state *j = &s->job;
     int64_t lost = 0;
@@ -352,7 +352,7 @@ static bool publish(database *d, submitting *s, int64_t now, error *e)
 
 static bool begin(database *d, change *c)
 {
-    submitting *s = (submitting *)c;
+    submission_change *s = (submission_change *)c;
     error *e = &c->fault;
     const int64_t now = clock_wall_ms();
     if (!admit(d, s, e)) return false;
@@ -365,23 +365,23 @@ static bool begin(database *d, change *c)
 
 static bool go_on(database *d, change *c)
 {
-    return insert_items(d, (submitting *)c, DATABASE_PIECE_ROWS, &c->fault);
+    return insert_items(d, (submission_change *)c, DATABASE_PIECE_ROWS, &c->fault);
 }
 
 /* Bounds may have been reached meanwhile. */
 static bool complete(database *d, change *c)
 {
-    submitting *s = (submitting *)c;
+    submission_change *s = (submission_change *)c;
     return admit(d, s, &c->fault) && (s->refused || publish(d, s, clock_wall_ms(), &c->fault));
 }
 
 static bool abandon(database *d, change *c)
 {
     return RUN(d, &c->fault, "UPDATE job SET state = 'cancelled' WHERE seq = ?1 AND tasks = 0",
-               integer(((submitting *)c)->job.seq));
+               integer(((submission_change *)c)->job.seq));
 }
 
-static bool run(submitting *s, bool (*apply)(database *d, change *c), const char *user, error *e)
+static bool run(submission_change *s, bool (*apply)(database *d, change *c), const char *user, error *e)
 {
     s->change.apply = apply;
     s->change.user = user;
@@ -389,7 +389,7 @@ static bool run(submitting *s, bool (*apply)(database *d, change *c), const char
 }
 
 /* Reads the jobs that the new job needs. This may take long, so that no change does it. */
-static bool look_at_needs(submitting *s, error *e)
+static bool look_at_needs(submission_change *s, error *e)
 {
     if (!count_needs(s->in)) return true;
     database *d = database_begin_read(s->q->database);
@@ -399,7 +399,7 @@ static bool look_at_needs(submitting *s, error *e)
 }
 
 /* Stores the job. If that fails in part, the rest is deleted, by a later start at the latest. */
-static bool store(submitting *s, error *e)
+static bool store(submission_change *s, error *e)
 {
     bool more = true;
     if (!look_at_needs(s, e)) return false;
@@ -417,7 +417,7 @@ static bool store(submitting *s, error *e)
 }
 
 /* Waits until no other submission has the same key. */
-static void enter(submitting *s)
+static void enter(submission_change *s)
 {
     queue *q = s->q;
     pthread_mutex_lock(&q->storing);
@@ -426,7 +426,7 @@ static void enter(submitting *s)
     pthread_mutex_unlock(&q->storing);
 }
 
-static void leave(submitting *s)
+static void leave(submission_change *s)
 {
     pthread_mutex_lock(&s->q->storing);
     LIST_REMOVE(&s->entry, link);
@@ -452,22 +452,22 @@ bool queue_put(queue *q, const queue_submission *in, queue_receipt *receipt, err
 {
     const char *owner = in->owner ? in->owner : "";
     const int tasks = in->frames ? (int)in->frame_count : 1;
-    submitting s = {.q = q,
-                    .in = in,
-                    .owner = owner,
-                    .entry = {.owner = owner, .key = in->key},
-                    .items = count_needs(in) + (size_t)tasks,
-                    .job = {.revision = 1,
-                            .array = in->frames != NULL,
-                            .ordered = in->ordered,
-                            .chunk = in->chunk > 1 ? in->chunk : 1,
-                            .tasks = tasks,
-                            .ready = tasks,
-                            .held = in->after_frames_count ? tasks : 0,
-                            .ended = JOB_STATE_NONE_ENDED,
-                            .target = JOB_STATE_NO_TARGET,
-                            .examine_from = -1,
-                            .retention_s = in->retention_s}};
+    submission_change s = {.q = q,
+                           .in = in,
+                           .owner = owner,
+                           .entry = {.owner = owner, .key = in->key},
+                           .items = count_needs(in) + (size_t)tasks,
+                           .job = {.revision = 1,
+                                   .array = in->frames != NULL,
+                                   .ordered = in->ordered,
+                                   .chunk = in->chunk > 1 ? in->chunk : 1,
+                                   .tasks = tasks,
+                                   .ready = tasks,
+                                   .held = in->after_frames_count ? tasks : 0,
+                                   .ended = JOB_STATE_NONE_ENDED,
+                                   .target = JOB_STATE_NO_TARGET,
+                                   .examine_from = -1,
+                                   .retention_s = in->retention_s}};
     enter(&s);
     bool ok = store(&s, e);
     leave(&s);

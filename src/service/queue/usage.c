@@ -136,12 +136,12 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
 
 /* ---- deliveries and measured space */
 
-typedef struct noting {
+typedef struct usage_change {
     change change;
     const char *id;
     int frame;
     int64_t number; /* time of the delivery, or bytes */
-} noting;
+} usage_change;
 
 bool usage_note_delivery(database *d, const char *id, int frame, int64_t wall_ms, error *e)
 {
@@ -160,26 +160,26 @@ bool usage_note_delivery(database *d, const char *id, int frame, int64_t wall_ms
 
 static bool note_delivery(database *d, change *asked)
 {
-    const noting *n = (noting *)asked;
+    const usage_change *n = (usage_change *)asked;
     return usage_note_delivery(d, n->id, n->frame, n->number, &asked->fault);
 }
 
 bool queue_note_delivery(queue *q, const char *id, int frame, int64_t wall_ms, error *e)
 {
-    noting n = {.change.apply = note_delivery, .id = id, .frame = frame, .number = wall_ms};
+    usage_change n = {.change.apply = note_delivery, .id = id, .frame = frame, .number = wall_ms};
     return database_change(q->database, &n.change, e);
 }
 
 static bool note_bytes(database *d, change *asked)
 {
-    const noting *n = (noting *)asked;
+    const usage_change *n = (usage_change *)asked;
     return RUN(d, &asked->fault, "UPDATE job SET result_bytes = ?2 WHERE id = ?1 AND result_bytes IS NULL",
                text(n->id), integer(n->number));
 }
 
 bool queue_note_bytes(queue *q, const char *id, int64_t bytes, error *e)
 {
-    noting n = {.change.apply = note_bytes, .id = id, .number = bytes};
+    usage_change n = {.change.apply = note_bytes, .id = id, .number = bytes};
     return database_change(q->database, &n.change, e);
 }
 

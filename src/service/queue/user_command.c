@@ -12,14 +12,14 @@
 #include "service/queue/pieces.h"
 #include "service/database/schema.h"
 
-typedef struct telling {
+typedef struct command_change {
     change change;
     const char *id, *owner; /* owner NULL: any */
     queue_command command;
     bool hopeless; /* a retry could not start any task */
     bool found, changed;
     queue_state now;
-} telling;
+} command_change;
 
 static bool cancel(database *d, job_state *j, int64_t now, bool *changed, error *e)
 {
@@ -64,9 +64,9 @@ static bool deliver(database *d, const job_state *j, bool *changed, error *e)
     return true;
 }
 
-static bool tell(database *d, change *asked)
+static bool apply_command(database *d, change *asked)
 {
-    telling *t = (telling *)asked;
+    command_change *t = (command_change *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     job_state j;
@@ -113,7 +113,7 @@ static bool is_hopeless(queue *q, const char *id, bool *hopeless, error *e)
 bool queue_begin_command(queue *q, const char *id, queue_command command, bool *found, bool *changed,
                          queue_state *now, error *e)
 {
-    telling t = {.change.apply = tell, .id = id, .command = command};
+    command_change t = {.change.apply = apply_command, .id = id, .command = command};
     if (command == QUEUE_RETRY && !is_hopeless(q, id, &t.hopeless, e)) return false;
     if (!database_change(q->database, &t.change, e)) return false;
     *found = t.found;
@@ -186,13 +186,13 @@ bool queue_retry_dependents(queue *q, const char *id, const char *owner, queue_r
     return ok;
 }
 
-typedef struct editing {
+typedef struct edit_change {
     change change;
     const char *id;
     int64_t revision;
     const queue_edit *edit;
     queue_edited edited;
-} editing;
+} edit_change;
 
 static bool store_edit(database *d, const queue_edit *edit, const job_state *j, error *e)
 {
@@ -217,7 +217,7 @@ static bool store_edit(database *d, const queue_edit *edit, const job_state *j, 
 
 static bool change_job(database *d, change *asked)
 {
-    editing *x = (editing *)asked;
+    edit_change *x = (edit_change *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     bool found = false;
@@ -237,7 +237,7 @@ static bool change_job(database *d, change *asked)
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
                   error *e)
 {
-    editing x = {.change.apply = change_job, .id = id, .revision = revision, .edit = edit};
+    edit_change x = {.change.apply = change_job, .id = id, .revision = revision, .edit = edit};
     if (!database_change(q->database, &x.change, e)) return false;
     *edited = x.edited;
     return true;
@@ -245,7 +245,7 @@ bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *
 
 /* ---- deletion */
 
-typedef struct deleting {
+typedef struct delete_change {
     change change;
     const char *id;
     int64_t seq; /* 0: not known yet */
@@ -253,7 +253,7 @@ typedef struct deleting {
     bool waits;                  /* for jobs that wait for this one, which are not updated yet */
     char with_pieces[ULID_SIZE]; /* if so: the job to complete first; "": none */
     bool whole;                  /* all rows are deleted */
-} deleting;
+} delete_change;
 
 /* The events of a job are deleted with it. Clients that follow events receive the number up to which events
  * are missing. */
@@ -323,7 +323,7 @@ static bool find_pieces(database *d, int64_t seq, char id[ULID_SIZE], error *e)
 
 static bool delete_job(database *d, change *asked)
 {
-    deleting *x = (deleting *)asked;
+    delete_change *x = (delete_change *)asked;
     error *e = &asked->fault;
     int64_t ended = 0;
     job_state j;
@@ -345,7 +345,7 @@ static bool delete_job(database *d, change *asked)
 }
 
 /* Deletes all rows of a hidden job. */
-static bool delete_hidden(queue *q, deleting *x, error *e)
+static bool delete_hidden(queue *q, delete_change *x, error *e)
 {
     char *owner = NULL;
     bool ok = false;
@@ -361,7 +361,7 @@ static bool delete_hidden(queue *q, deleting *x, error *e)
 
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)
 {
-    deleting x = {.change.apply = delete_job, .id = id};
+    delete_change x = {.change.apply = delete_job, .id = id};
     queue_state unused;
     do {
         x.waits = false;
@@ -379,7 +379,7 @@ bool queue_delete_hidden(queue *q, bool *more, error *e)
 {
     static const char sql[] =
         "SELECT seq FROM job INDEXED BY job_hidden WHERE tasks = 0 AND state = 'cancelled' ORDER BY seq LIMIT 1";
-    deleting x = {.change.apply = delete_job};
+    delete_change x = {.change.apply = delete_job};
     database *d = database_begin_read(q->database);
     bool ok = database_read_integer(d, database_ask(d, sql, NULL, 0, e), &x.seq, e);
     database_end_read(d);
