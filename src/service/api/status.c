@@ -20,101 +20,101 @@ void status_health(const http_context *c, const http_request *request, reply *r)
 
 /* ---- readiness: a list of conditions, each checked by its own function */
 
-typedef struct finding {
+typedef struct condition_report {
     const char *state; /* one word, "ok" if the condition is met */
     const char *code;  /* code of the problem; NULL: the service accepts jobs nevertheless */
     char detail[sizeof((error *)0)->message];
-} finding;
+} condition_report;
 
-static void look_at_jobs(const http_context *c, finding *f)
+static void look_at_jobs(const http_context *c, condition_report *out)
 {
     if (executor_takes_jobs(c->x)) return;
-    f->state = "draining";
-    f->code = "unavailable";
+    out->state = "draining";
+    out->code = "unavailable";
     snprintf(
-        f->detail, sizeof f->detail,
+        out->detail, sizeof out->detail,
         executor_is_draining(c->x)
             ? "the service is stopping and accepts no jobs"
             : "an administrator drained the service, which accepts no jobs until it is restarted: run hexadctl undrain");
 }
 
 /* A held queue does not prevent the service from accepting jobs. */
-static void look_at_queue(const http_context *c, finding *f)
+static void look_at_queue(const http_context *c, condition_report *out)
 {
     bool held = false;
-    if (queue_is_held(c->q, &held, NULL) && held) f->state = "held";
+    if (queue_is_held(c->q, &held, NULL) && held) out->state = "held";
 }
 
-static void look_at_database(const http_context *c, finding *f)
+static void look_at_database(const http_context *c, condition_report *out)
 {
     health_report known;
     error e = {0};
     queue_get_health(c->q, &known);
     if (queue_allows_changes(c->q, &e)) {
-        if (known.checking) f->state = "checking"; /* no damage is known */
+        if (known.checking) out->state = "checking"; /* no damage is known */
         return;
     }
-    f->state = "damaged";
-    f->code = error_code_name(e.code);
-    memcpy(f->detail, e.message, sizeof f->detail);
+    out->state = "damaged";
+    out->code = error_code_name(e.code);
+    memcpy(out->detail, e.message, sizeof out->detail);
 }
 
-static void look_at_state(const http_context *c, finding *f)
+static void look_at_state(const http_context *c, condition_report *out)
 {
     error e = {0};
     if (queue_has_place(c->q, &e)) return;
-    f->state = "lost";
-    f->code = error_code_name(e.code);
-    memcpy(f->detail, e.message, sizeof f->detail);
+    out->state = "lost";
+    out->code = error_code_name(e.code);
+    memcpy(out->detail, e.message, sizeof out->detail);
 }
 
-static void look_at_storage(const http_context *c, finding *f)
+static void look_at_storage(const http_context *c, condition_report *out)
 {
     error e = {0};
     executor_space space = executor_get_space(c->x);
     bool full = space.free_bytes < space.floor_bytes;
     if (!full && executor_can_write(c->x, &e)) return;
-    f->state = full ? "full" : "unwritable";
-    f->code = "unavailable";
+    out->state = full ? "full" : "unwritable";
+    out->code = "unavailable";
     if (!full)
-        snprintf(f->detail, sizeof f->detail, "%.900s. Jobs are accepted and wait meanwhile", e.message);
+        snprintf(out->detail, sizeof out->detail, "%.900s. Jobs are accepted and wait meanwhile", e.message);
     else
         snprintf(
-            f->detail, sizeof f->detail,
+            out->detail, sizeof out->detail,
             "storage_full: %lld MiB are free on the disk of %s, and no job starts below %lld MiB (setting "
             "free_space_mb): delete files or jobs",
             (long long)space.free_bytes >> 20, space.directory, (long long)space.floor_bytes >> 20);
 }
 
-static void look_at_results(const http_context *c, finding *f)
+static void look_at_results(const http_context *c, condition_report *out)
 {
     queue_usage usage;
     if (!queue_get_usage(c->q, &usage, NULL)) return;
     free(usage.user);
     if (!usage.full) return;
-    f->state = "full";
-    f->code = "unavailable";
+    out->state = "full";
+    out->code = "unavailable";
     snprintf(
-        f->detail, sizeof f->detail,
+        out->detail, sizeof out->detail,
         "results_full: the results of all users have reached their bound (setting results_mb or results_count), "
         "and none that was fetched is left to delete: fetch results, so that hexad may delete them");
 }
 
 /* An unwritable output root does not prevent readiness: jobs without output.directory can run. */
-static void look_at_outputs(const http_context *c, finding *f)
+static void look_at_outputs(const http_context *c, condition_report *out)
 {
-    if (output_place_unwritable(c->outputs)) f->state = "unwritable";
+    if (output_place_unwritable(c->outputs)) out->state = "unwritable";
 }
 
 /* Without tokens the service accepts jobs from the users of the Unix socket. */
-static void look_at_tokens(const http_context *c, finding *f)
+static void look_at_tokens(const http_context *c, condition_report *out)
 {
-    if (!access_can_read_tokens(c->access)) f->state = "unreadable";
+    if (!access_can_read_tokens(c->access)) out->state = "unreadable";
 }
 
 static const struct condition {
     const char *name;
-    void (*look)(const http_context *c, finding *f);
+    void (*look)(const http_context *c, condition_report *out);
 } conditions[] = {{"jobs", look_at_jobs},         {"queue", look_at_queue},     {"tokens", look_at_tokens},
                   {"outputs", look_at_outputs},   {"results", look_at_results}, {"storage", look_at_storage},
                   {"database", look_at_database}, {"state", look_at_state}};
@@ -124,13 +124,13 @@ static const struct condition {
 void status_ready(const http_context *c, const http_request *request, reply *r)
 {
     (void)request;
-    finding worst = {0};
+    condition_report worst = {0};
     json *checks = json_new_object(), *document = json_new_object();
     for (size_t i = 0; i < sizeof conditions / sizeof *conditions; i++) {
-        finding f = {.state = "ok"};
-        conditions[i].look(c, &f);
-        json_put_string(checks, conditions[i].name, f.state);
-        if (f.code) worst = f;
+        condition_report report = {.state = "ok"};
+        conditions[i].look(c, &report);
+        json_put_string(checks, conditions[i].name, report.state);
+        if (report.code) worst = report;
     }
     if (!worst.code) {
         json_put_string(document, "status", "ok");

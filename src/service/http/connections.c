@@ -185,20 +185,20 @@ static void await_request(connections *p, client_connection *which)
 
 client_connection *connections_add(connections *p, int fd)
 {
-    client_connection *new = mem_alloc(sizeof *new);
-    new->fd = fd;
-    access_look(p->access, fd, &new->access);
-    if (!new->access.local) new->from = address_of_peer(fd);
-    bool is_known = new->access.local &&new->access.scopes;
-    set_owner(new, &new->from, is_known ? new->access.user : NULL, new->access.scopes);
+    client_connection *added = mem_alloc(sizeof *added);
+    added->fd = fd;
+    access_look(p->access, fd, &added->access);
+    if (!added->access.local) added->from = address_of_peer(fd);
+    bool is_known = added->access.local && added->access.scopes;
+    set_owner(added, &added->from, is_known ? added->access.user : NULL, added->access.scopes);
     pthread_mutex_lock(&p->mutex);
-    new->decision = place(p, new);
-    await_request(p, new);
+    added->decision = place(p, added);
+    await_request(p, added);
     if (p->unplaced.count > most_unplaced(&p->settings)) end(p, TAILQ_FIRST(&p->unplaced.list));
-    LIST_INSERT_HEAD(&p->all, new, link);
-    if (!LIST_NEXT(new, link)) runner_wake(p->watcher); /* otherwise it wakes in time */
+    LIST_INSERT_HEAD(&p->all, added, link);
+    if (!LIST_NEXT(added, link)) runner_wake(p->watcher); /* otherwise it wakes in time */
     pthread_mutex_unlock(&p->mutex);
-    return new;
+    return added;
 }
 
 void connections_remove(connections *p, client_connection *which)

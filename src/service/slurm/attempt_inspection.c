@@ -32,7 +32,7 @@ typedef struct view {
     bool waits; /* it is not submitted */
     bool refused, cancelled, forced, notified;
     slurm_task task; /* as reported by Slurm */
-    bool began, taken, late;
+    bool has_started, is_claimed, has_predecessor;
     int64_t over_ms, stopped_ms, offset;
 } view;
 
@@ -66,7 +66,7 @@ static void survey(slurm *s, slurm_batch *b)
 static slurm_task find_task(const slurm *s, const engine_attempt *a)
 {
     const slurm_batch *b = a->batch;
-    bool open = b->shared && !a->taken, waits = open && b->waiter < b->task_count;
+    bool open = b->shared && !a->is_claimed, waits = open && b->waiter < b->task_count;
     if (open && (b->runs || (waits && s->sharing))) return (slurm_task){.seen_ms = clock_monotonic_ms()};
     slurm_task task = b->tasks[waits ? b->waiter : a->task];
     if (is_gone(s, &task)) task.state = &slurm_state_gone;
@@ -82,9 +82,9 @@ static view take_view(const slurm *s, engine_attempt *a)
               .cancelled = a->cancelled,
               .forced = a->forced,
               .notified = a->notified,
-              .began = a->began_ms != INT64_MAX,
-              .taken = a->taken,
-              .late = a->late,
+              .has_started = a->began_ms != INT64_MAX,
+              .is_claimed = a->is_claimed,
+              .has_predecessor = a->has_predecessor,
               .over_ms = a->over_ms,
               .stopped_ms = a->stopped_ms,
               .offset = a->offset};
@@ -152,14 +152,14 @@ static void look_for_claim(view *v)
     slurm *s = v->a->place;
     engine_attempt *a = v->a;
     attempt_files_batch by;
-    if (v->taken || !attempt_files_read_claim(v->directory, &by)) return;
+    if (v->is_claimed || !attempt_files_read_claim(v->directory, &by)) return;
     pthread_mutex_lock(&s->mutex);
-    if (!v->began) a->began_ms = clock_monotonic_ms();
-    v->began = true;
+    if (!v->has_started) a->began_ms = clock_monotonic_ms();
+    v->has_started = true;
     if (a->batch && strncmp(by.name, s->prefix, strlen(s->prefix)) == 0 && by.task < SLURM_TASKS_MOST) {
         slurm_take(a, &by);
-        v->taken = true;
-        v->late = a->late;
+        v->is_claimed = true;
+        v->has_predecessor = a->has_predecessor;
         v->task = find_task(s, a);
     }
     pthread_mutex_unlock(&s->mutex);
@@ -190,7 +190,7 @@ static void keep_progress(view *v)
 static engine_loss find_loss(const view *v)
 {
     engine_loss loss = v->task.state->begun;
-    return loss == ENGINE_OUT_OF_TIME && v->late ? ENGINE_INTERRUPTED : loss;
+    return loss == ENGINE_OUT_OF_TIME && v->has_predecessor ? ENGINE_INTERRUPTED : loss;
 }
 
 /* Sets the reason why a worker was stopped. Slurm may be the only source of the reason. False: Slurm has not
@@ -265,7 +265,7 @@ static bool read_ending(view *v)
 static void follow_cancel(view *v)
 {
     error e = {0};
-    attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
+    attempt_files_claim claim = v->has_started ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
         end_lost(v, ENGINE_GIVEN_BACK, "its worker had not started");
     } else if (!v->notified && attempt_files_cancel(v->directory, &e)) {
@@ -328,15 +328,15 @@ static void inspect(view *v)
         return;
     }
     bool fresh = clock_monotonic_ms() - v->task.seen_ms < FRESH_MS;
-    if (state && state->waits && fresh && !v->cancelled && !v->began) { /* no access to the storage */
+    if (state && state->waits && fresh && !v->cancelled && !v->has_started) { /* no access to the storage */
         tell_waiting(v);
         return;
     }
     look_for_claim(v);
     state = v->task.state;
     bool over = state && state->over;
-    if (v->began) keep_host(v);
-    if (v->began || over) { /* otherwise there is neither */
+    if (v->has_started) keep_host(v);
+    if (v->has_started || over) { /* otherwise there is neither */
         keep_progress(v);
         if (read_ending(v)) return;
     }

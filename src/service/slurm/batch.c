@@ -47,7 +47,7 @@ static void count(const engine_attempt *a, size_t change)
 {
     slurm_batch *b = a->batch;
     if (!b || a->cancelled) return;
-    bool open = b->shared && !a->taken;
+    bool open = b->shared && !a->is_claimed;
     *(open ? &b->open : &b->tasks[a->task].wanted) += change;
     b->wanted += change;
     if (open) a->place->open += change;
@@ -59,7 +59,7 @@ void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task)
     b->users++;
     a->batch = b;
     a->task = task;
-    a->taken = a->late = false;
+    a->is_claimed = a->has_predecessor = false;
     count(a, 1);
 }
 
@@ -72,8 +72,8 @@ void slurm_take(engine_attempt *a, const attempt_files_batch *by)
     slurm_leave(a);
     slurm_enter(a, b, (size_t)by->task);
     count(a, (size_t)-1);
-    a->taken = true;
-    a->late = by->number > 0;
+    a->is_claimed = true;
+    a->has_predecessor = by->number > 0;
     count(a, 1);
     if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
     slurm_batch_release(own);

@@ -64,8 +64,8 @@ struct engine_attempt {
     int64_t not_before_ms;            /* earliest time of the next submission, monotonic; 0: at once */
     slurm_batch *batch;               /* NULL: not submitted */
     size_t task;                      /* the task that has claimed it or was assigned to it */
-    bool taken;                       /* the task is known to have claimed it */
-    bool late;                        /* the task had run other attempts before */
+    bool is_claimed;                  /* the task is known to have claimed it */
+    bool has_predecessor;             /* the task had run other attempts before */
     bool refused;                     /* by sbatch; ending.why has the reason */
     bool cancelled, forced, notified; /* must end; must be killed; the node has been notified */
     int64_t began_ms;                 /* start of the worker, monotonic; INT64_MAX: not yet */

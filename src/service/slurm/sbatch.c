@@ -137,7 +137,7 @@ static void share(slurm *s, load *l)
     l->more_s = s->settings.more_s;
     const engine_attempt *a;
     TAILQ_FOREACH (a, &s->attempts, link)
-        if (a->batch && a->batch->list && !a->taken && !a->ended && !a->cancelled &&
+        if (a->batch && a->batch->list && !a->is_claimed && !a->ended && !a->cancelled &&
             strcmp(a->batch->list, l->batch->list) == 0)
             attempt_files_add_name(&l->open, a->name, strlen(a->name));
 }

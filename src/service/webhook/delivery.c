@@ -25,7 +25,7 @@
 #include "files/file.h"
 
 /* Maximum time, in ms, between two checks of the outbox and of the wall clock, which may be set. */
-#define LOOK_MS 60000
+#define CHECK_MS 60000
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
 /* The form of a key in the Standard Webhooks specification. */
@@ -40,8 +40,8 @@ typedef struct caller {
     char fault[CURL_ERROR_SIZE];
     runner_task *task;
     queue_delivery delivery;
-    bool taken; /* the head of an answer with a status of 2xx has been received */
-    char *host; /* the host being called (webhook_host_of); NULL: idle. Guarded by the mutex */
+    bool is_accepted; /* the head of an answer with a status of 2xx has been received */
+    char *host;       /* the host being called (webhook_host_of); NULL: idle. Guarded by the mutex */
 } caller;
 
 struct delivery {
@@ -189,7 +189,7 @@ static size_t take_line(char *data, size_t size, size_t count, void *context)
     long status = 0;
     if (*data == '\r' || *data == '\n') {
         curl_easy_getinfo(r->curl, CURLINFO_RESPONSE_CODE, &status);
-        r->taken = status / 100 == 2;
+        r->is_accepted = status / 100 == 2;
     }
     return size * count;
 }
@@ -199,14 +199,14 @@ static size_t drop_body(char *data, size_t size, size_t count, void *context)
 {
     (void)data;
     const caller *r = context;
-    return r->taken ? 0 : size * count; /* 0 stops the transfer */
+    return r->is_accepted ? 0 : size * count; /* 0 stops the transfer */
 }
 
-static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all_up, curl_off_t up)
+static int check_transfer(void *context, curl_off_t all, curl_off_t got, curl_off_t all_up, curl_off_t up)
 {
     (void)all, (void)got, (void)all_up, (void)up;
     const caller *r = context;
-    return r->taken || runner_is_stopping(r->task); /* a value other than 0 stops the transfer */
+    return r->is_accepted || runner_is_stopping(r->task); /* a value other than 0 stops the transfer */
 }
 
 /* The answer of a receiver that did not accept a call. */
@@ -232,7 +232,7 @@ static bool post(caller *r, refusal *refused, error *why)
     const queue_delivery *d = &r->delivery;
     CURL *curl = r->curl;
     long status = 0;
-    r->taken = false;
+    r->is_accepted = false;
     if (!webhook_hosts_admit(c->settings.hosts, d->url, why)) return false;
     char *body = describe(c, d);
     struct curl_slist *headers = make_headers(c, d, body);
@@ -252,13 +252,13 @@ static bool post(caller *r, refusal *refused, error *why)
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, drop_body);
     curl_easy_setopt(curl, CURLOPT_WRITEDATA, r);
     curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, look_up);
+    curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, check_transfer);
     curl_easy_setopt(curl, CURLOPT_XFERINFODATA, r);
     CURLcode code = curl_easy_perform(curl);
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
     curl_slist_free_all(headers);
     free(body);
-    if (r->taken) return true;
+    if (r->is_accepted) return true;
     if (code != CURLE_OK)
         return error_set(why, ERROR_INTERNAL, "%s", *r->fault ? r->fault : curl_easy_strerror(code));
     *refused = read_refusal(r);
@@ -279,14 +279,14 @@ static bool deliver(caller *r)
     const queue_delivery *d = &r->delivery;
     error why = {0}, e = {0};
     refusal refused = {0};
-    bool taken = post(r, &refused, &why);
-    if (!taken && runner_is_stopping(r->task)) return true;
+    bool is_accepted = post(r, &refused, &why);
+    if (!is_accepted && runner_is_stopping(r->task)) return true;
     bool last = refused.gone || d->tries + 1 >= c->settings.tries;
     int64_t wait = wait_ms(&c->settings, d->tries);
     if (wait < refused.at_least_ms) wait = refused.at_least_ms;
     delivery_counters *n = c->settings.counters;
-    (*(taken ? &n->delivered : last ? &n->given_up : &n->failed))++;
-    if (taken)
+    (*(is_accepted ? &n->delivered : last ? &n->given_up : &n->failed))++;
+    if (is_accepted)
         log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%s", d->id, d->event);
     else if (last)
         log_write(
@@ -297,7 +297,7 @@ static bool deliver(caller *r)
     else
         log_write(LOG_LEVEL_WARNING, "webhook not delivered job=%s event=%s try=%d next_s=%g: %s", d->id,
                   d->event, d->tries + 1, clock_seconds(wait), why.message);
-    if (queue_end_delivery(c->q, d->number, taken || last ? 0 : wait < 1 ? 1 : wait, &e)) return true;
+    if (queue_end_delivery(c->q, d->number, is_accepted || last ? 0 : wait < 1 ? 1 : wait, &e)) return true;
     log_write(LOG_LEVEL_ERROR, "webhook will be repeated job=%s event=%s: %s", d->id, d->event, e.message);
     return false;
 }
@@ -362,14 +362,14 @@ static int64_t give_due(void *context)
         caller *idle = find_caller(c, &busy);
         bool ok = !idle || queue_next_delivery(c->q, busy, &d, &found, NULL);
         free(busy);
-        int64_t ahead_ms = ok && found ? d.due_ms - clock_wall_ms() : LOOK_MS;
+        int64_t ahead_ms = ok && found ? d.due_ms - clock_wall_ms() : CHECK_MS;
         if (!ok) c->not_before_ms = runner_retry_time();
         if (found && ahead_ms <= 0) {
             give(idle, &d);
             continue;
         }
         queue_delivery_clear(&d);
-        if (ok) return now + (ahead_ms < LOOK_MS ? ahead_ms : LOOK_MS);
+        if (ok) return now + (ahead_ms < CHECK_MS ? ahead_ms : CHECK_MS);
     }
 }
 
