@@ -5,17 +5,17 @@
 #include "fuzz/target.h"
 #include "io/meshes/plain_mesh.h"
 
-static void read_as(const char *ending, const char *data, size_t size)
+static void read_as(file_format format, const char *data, size_t size)
 {
-    plain_mesh m;
-    if (!plain_mesh_read_values(ending, data, size, &m)) {
+    plain_mesh m = {.keeps_values = true};
+    if (!plain_mesh_read(format, data, size, &m)) {
         expect(m.refused != ERROR_NONE && *m.text);
         return;
     }
     for (size_t n = 0; n < m.triangles; n++)
         for (int k = 0; k < 3; k++) expect(m.triangle[n][k] < m.vertices);
     for (uint32_t k = 0; k < m.value_arrays; k++)
-        expect(m.values[k].value && m.values[k].head.components <= MESH_VALUES_COMPONENTS);
+        expect(m.values[k].count == m.vertices && m.values[k].head.components <= MESH_VALUES_COMPONENTS);
     plain_mesh_free(&m);
 }
 
@@ -25,8 +25,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     expect(copy);
     memcpy(copy, data, size);
     copy[size] = 0;
-    read_as("vtk", copy, size);
-    read_as("vtp", copy, size);
+    read_as(FILE_FORMAT_VTK, copy, size);
+    read_as(FILE_FORMAT_VTP, copy, size);
     free(copy);
     return 0;
 }

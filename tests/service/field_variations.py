@@ -787,52 +787,6 @@ def collada(rng):
     yield from of_text("m.dae", text, fields)
 
 
-def x3d(rng):
-    text = library_meshes.x3d_text(parts())
-    yield from of_text("m.x3d", text, [f for f in attributes(text) if f.name not in ("encoding", "solid")])
-
-
-def tds(rng):
-    whole = library_meshes.tds_bytes(parts())
-
-    def case(data):
-        def write(folder):
-            (folder / "m.3ds").write_bytes(data)
-            return mesh("m.3ds")
-        return write
-    yield "", "", case(whole)
-    def places_of(number):
-        """Chunks of the number: two bytes that are followed by a length within the file."""
-        found = [m.start() for m in re.finditer(re.escape(struct.pack("<H", number)), whole)]
-        return [k for k in found if 6 < struct.unpack_from("<I", whole, k + 2)[0] <= len(whole) - k][:2]
-    numbers = {0x4110: ("count", 6, "<H"), 0x4120: ("count", 6, "<H"), 0xB020: ("count", 16, "<I"), 0xB030: ("node", 6, "<H"), 0xB010: ("parent", 17, "<H")}
-    floats = {0x4110: ("vertex", 8), 0xB020: ("position", 26), 0xB022: ("scale", 26), 0xB013: ("pivot", 6)}
-    for number, (field, at, kind) in numbers.items():
-        for place in places_of(number):
-            (value,) = struct.unpack_from(kind, whole, place + at)
-            for put in {0, 1, value + 1, max(value - 1, 0), min(2 * value + 9, 65535), 65535} - {value}:
-                data = bytearray(whole)
-                struct.pack_into(kind, data, place + at, put)
-                yield f"{field} of {number:04X}", f"is {put}", case(bytes(data))
-            for put in (0, 6, 7, 2 ** 31, 2 ** 32 - 1, struct.unpack_from("<I", whole, place + 2)[0] + 1, struct.unpack_from("<I", whole, place + 2)[0] - 1):
-                data = bytearray(whole)
-                struct.pack_into("<I", data, place + 2, put)
-                yield f"length of {number:04X}", f"is {put}", case(bytes(data))
-    for number, (field, at) in floats.items():
-        for place in places_of(number):
-            for put in (numpy.nan, numpy.inf, 1e38):
-                data = bytearray(whole)
-                struct.pack_into("<f", data, place + at, put)
-                yield field, f"is {put}", case(bytes(data))
-    both = parts()
-    yield "node", "for one part only", case(library_meshes.tds_bytes(both, nodes=[1]))
-    yield "master scale", "is 2", case(library_meshes.tds_bytes(both, master=2.0))
-    yield "name", "twice", case(whole.replace(b"part1\0", b"part0\0"))
-    yield "name", "twice, of the meshes", case(whole.replace(b"part1\0", b"part0\0", 1))
-    yield "file", "a tail", case(whole + b"x" * 50)
-    yield "file", "a short tail", case(whole + b"xyz")
-
-
 def draco(rng):
     with tempfile.TemporaryDirectory() as folder:
         library_meshes.draco_gltf(parts()).write(pathlib.Path(folder) / "m.gltf")
@@ -965,7 +919,7 @@ FORMATS = {"nrrd": nrrd, "nrrd by spacings": nrrd_by_spacings, "nrrd in files": 
            "nifti-2 sform": nifti_of(2, False), "nifti-2 qform": nifti_of(2, True), "imagej": imagej, "tiff pages": tiff_pages, "tiff stack": tiff_stack,
            "ome": ome, "zarr 2": zarr_of(2), "zarr 3": zarr_of(3), "obj": obj, "ply": ply, "stl text": stl_text, "stl": stl, "off": off, "vtk": vtk,
            "vtp": vtp, "vtp appended": vtp_appended, "3mf": three_mf, "gltf": gltf, "gifti": gifti, "gifti base64": gifti_base64, "fbx": fbx, "collada": collada,
-           "x3d": x3d, "3ds": tds, "gltf draco": draco, "exr": exr, "vdb": vdb,
+           "gltf draco": draco, "exr": exr, "vdb": vdb,
            "painted ply": painted_ply, "painted obj": painted_obj, "painted vtk": painted_vtk, "painted vtp": painted_vtp,
            "painted gifti": painted_gifti_of("ASCII"), "painted gifti base64": painted_gifti_of("Base64Binary")}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writers of the mesh formats that assimp reads: FBX (text), COLLADA, X3D, 3DS, and glTF with Draco. Each writes parts at places: local
+"""Writers of the mesh formats that assimp reads: FBX (text), COLLADA, and glTF with Draco. Each writes parts at places: local
 vertices are computed from the given ones, so that the file has the given vertices after its transforms, units and axes."""
 import struct
 
@@ -119,61 +119,6 @@ def collada_text(parts, up="Y_UP", meter=1, nodes=None, scene=""):
             '<scene><instance_visual_scene url="#s"/></scene></COLLADA>\n')
 
 
-# ---- X3D
-
-def x3d_shape(part):
-    inner = f'<Coordinate point="{text_of(part.local())}"/>'
-    if part.normal is not None:
-        inner += f'<Normal vector="{text_of(part.local_normal())}"/>'
-    if part.color is not None:
-        inner += f'<ColorRGBA color="{text_of(part.color)}"/>'
-    if part.uv is not None:
-        inner += f'<TextureCoordinate point="{text_of(part.uv)}"/>'
-    return (f'<Shape><IndexedFaceSet solid="true" coordIndex="{" ".join("%d %d %d -1" % tuple(f) for f in part.faces.tolist())}">{inner}'
-            "</IndexedFaceSet></Shape>")
-
-
-def x3d_text(parts, head="", scene=""):
-    places = ""
-    for part in parts:
-        axis, angle = part.turn
-        places += (f'<Transform translation="{text_of(part.move)}" rotation="{text_of(numpy.array(axis, float) / numpy.linalg.norm(axis))} '
-                   f'{float(angle)!r}" scale="{text_of(part.scale)}">{x3d_shape(part)}</Transform>')
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n<X3D version="3.3" profile="Interchange"><head>{head}</head><Scene>{places}{scene}</Scene></X3D>\n'
-
-
-# ---- 3DS
-
-def chunk(number, data):
-    return struct.pack("<HI", number, 6 + len(data)) + data
-
-
-def track(number, kind, values):
-    return chunk(number, struct.pack("<H2I", 0, 0, 0) + struct.pack("<I", 1) + struct.pack("<IH", 0, 0) + struct.pack(kind, *values))
-
-
-def tds_bytes(parts, master=None, nodes=None):
-    """Vertices y up; the file is z up. A part with a transform has a node of the key framer; `nodes`: the numbers of the parts with one."""
-    meshes, keys = b"", b""
-    for k, part in enumerate(parts):
-        z_up = to_up(part.vertices, "Z_UP")
-        given = Part(z_up, part.faces, part.move, part.turn, part.scale)
-        name = f"part{k}".encode() + b"\0"
-        data = chunk(0x4110, struct.pack("<H", len(z_up)) + given.local().astype("<f4").tobytes())
-        data += chunk(0x4120, struct.pack("<H", len(part.faces)) + b"".join(struct.pack("<4H", *f, 7) for f in part.faces.tolist()))
-        if part.uv is not None:
-            data += chunk(0x4140, struct.pack("<H", len(z_up)) + numpy.asarray(part.uv, "<f4").tobytes())
-        meshes += chunk(0x4000, name + chunk(0x4100, data))
-        axis, angle = part.turn
-        if nodes is None or k in nodes:
-            node = chunk(0xB030, struct.pack("<H", k)) + chunk(0xB010, name + struct.pack("<3H", 0, 0, 0xFFFF)) + chunk(0xB013, bytes(12))
-            # an angle of a key turns clockwise
-            node += track(0xB020, "<3f", part.move) + track(0xB021, "<4f", (-angle, *numpy.array(axis, float) / numpy.linalg.norm(axis)))
-            keys += chunk(0xB002, node + track(0xB022, "<3f", part.scale))
-    edit = chunk(0x3D3E, struct.pack("<I", 3)) + (chunk(0x0100, struct.pack("<f", master)) if master else b"") + meshes
-    return chunk(0x4D4D, chunk(2, struct.pack("<I", 3)) + chunk(0x3D3D, edit) + (chunk(0xB000, keys) if keys else b""))
-
-
 # ---- glTF with Draco
 
 def varint(number):
@@ -223,5 +168,4 @@ def draco_gltf(parts):
 # ---- all
 
 WRITERS = {"fbx": lambda path, parts: path.write_text(fbx_text(parts)), "dae": lambda path, parts: path.write_text(collada_text(parts)),
-           "x3d": lambda path, parts: path.write_text(x3d_text(parts)), "3ds": lambda path, parts: path.write_bytes(tds_bytes(parts)),
            "glb": lambda path, parts: draco_gltf(parts).write(path)}

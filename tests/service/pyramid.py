@@ -45,7 +45,7 @@ def read_values(data, vertices):
     (count,), at, arrays = struct.unpack_from("<I", data), 4, {}
     for _ in range(count):
         name, kind, components = struct.unpack_from("<64sII", data, at)
-        numbers = numpy.frombuffer(data, "<f4", vertices * components, at + 72).reshape(vertices, components)
+        numbers = numpy.frombuffer(data, "<f8", vertices * components, at + 72).reshape(vertices, components)
         arrays[name.split(b"\0")[0].decode()] = (("number", "whole", "normal", "color", "uv")[kind], numbers)
         at += 72 + numbers.nbytes
     assert at == len(data)

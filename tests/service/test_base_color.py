@@ -646,9 +646,9 @@ def test_refused_images_and_meshes(carry, tmp_path):
     assert none is None and error["code"] == "input_unsupported" and "save it as glTF" in error["message"]
 
 
-@pytest.mark.parametrize("ending", ["fbx", "x3d", "3ds", "glb"])
+@pytest.mark.parametrize("ending", ["fbx", "glb"])
 def test_formats_whose_materials_are_not_read_are_refused(carry, tmp_path, ending):
-    """By assimp: FBX, X3D, 3DS, and glTF with Draco."""
+    """By assimp: FBX, and glTF with Draco."""
     vertices, faces, uv = textured.sphere()
     library_meshes.WRITERS[ending](tmp_path / f"a.{ending}", [library_meshes.Part(vertices, faces)])
     error, none, _ = carry(tmp_path / f"a.{ending}", count=100)

@@ -123,16 +123,8 @@ Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relations
 </resources><build><item objectid="1"/></build></model>""")
 
 
-def write_x3d(path):
-    path.write_text(f"""<?xml version="1.0" encoding="UTF-8"?>
-<X3D version="3.0" profile="Interchange"><Scene><Shape><IndexedFaceSet solid="true"
-coordIndex="{" ".join("%d %d %d -1" % tuple(f) for f in FACES)}"><Coordinate point="{" ".join("%g %g %g" % tuple(v) for v in CORNERS)}"/>
-</IndexedFaceSet></Shape></Scene></X3D>
-""")
-
-
 @pytest.mark.parametrize("name, up", [("obj", "y"), ("off", "y"), ("stl", "z"), ("gltf", "y"), ("glb", "y"), ("fbx", "y"), ("dae", "y"),
-                                      ("3mf", "z"), ("x3d", "y")])
+                                      ("3mf", "z")])
 def test_a_box(worker, tmp_path, name, up):
     path = tmp_path / f"box.{name}"
     globals()[f"write_{name}"](path)

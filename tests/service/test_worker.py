@@ -14,6 +14,7 @@ import numpy
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
+from library_meshes import Part, collada_text
 from readers import Points, read_exr, read_mesh, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
@@ -895,11 +896,8 @@ def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
     right, up = numpy.roll(at, -1, 1), numpy.roll(at, -1, 0)
     faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4)
     triangles = numpy.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    (tmp_path / "torus.x3d").write_text(
-        '<?xml version="1.0" encoding="UTF-8"?>\n<X3D version="3.3" profile="Interchange"><head></head><Scene><Shape>'
-        f'<IndexedFaceSet solid="true" coordIndex="{" ".join("%d %d %d -1" % tuple(f) for f in triangles)}">'
-        f'<Coordinate point="{" ".join("%.6f" % c for c in x.ravel())}"/></IndexedFaceSet></Shape></Scene></X3D>\n')
-    spec = sphere(100, surface={"mesh": {"path": "torus.x3d", "resolution": 24}})
+    (tmp_path / "torus.dae").write_text(collada_text([Part(x.round(6), triangles)]))
+    spec = sphere(100, surface={"mesh": {"path": "torus.dae", "resolution": 24}})
     assert worker(spec).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     vertices_and_faces = 12 * n * n + 24 * n * n

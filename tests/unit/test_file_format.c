@@ -15,7 +15,6 @@
 #include "base/core/file_format.h"
 #include "base/core/memory.h"
 #include "files/file.h"
-#include "io/meshes/foreign_format.h"
 #include "io/meshes/plain_mesh.h"
 #include "io/points/writers.h"
 #include "io/volumes/volume_file.h"
@@ -78,6 +77,21 @@ static void bytes_identify_a_format(void **state)
         assert_int_equal(file_format_of_bytes(data, strlen(data)), k);
     }
     assert_int_equal(file_format_of_bytes("", 0), FILE_FORMAT_UNKNOWN);
+}
+
+static void headers_identify_a_format(void **state)
+{
+    (void)state;
+    char nifti[400] = "\x5c\1";
+    memcpy(nifti + 344, "n+1", 4);
+    assert_int_equal(file_format_of_bytes(nifti, sizeof nifti - 1), FILE_FORMAT_NIFTI);
+    memcpy(nifti + 344, "n+0", 4);
+    assert_int_equal(file_format_of_bytes(nifti, sizeof nifti - 1), FILE_FORMAT_ANALYZE);
+    static const char meta[] = "ObjectType = Image\nNDims = 3\n", tds[] = "MM\x40\0\0\0\2\0\12\0\0\0\3\0\0\0",
+                      comment[] = "999\na program\n  0\nSECTION\n";
+    assert_int_equal(file_format_of_bytes(meta, sizeof meta - 1), FILE_FORMAT_META_IMAGE);
+    assert_int_equal(file_format_of_bytes(tds, sizeof tds - 1), FILE_FORMAT_3DS);
+    assert_int_equal(file_format_of_bytes(comment, sizeof comment - 1), FILE_FORMAT_DXF);
 }
 
 static file_format format_of(const char *bytes, size_t size, const char *name)
@@ -145,14 +159,12 @@ static void meshes_that_are_not_read_are_refused_with_advice(void **state)
         const file_format_bytes *b = &row->beginning[0];
         const char *own = row->ending[0] ? row->ending[0] + 1 : "";
         char data[FILE_FORMAT_HEAD + 1] = "";
-        assert_ptr_equal(foreign_format(own, "", 0),
+        assert_ptr_equal(file_format_as_mesh(own, "", 0),
                          row->ending[0] && row->reading == FILE_FORMAT_NOT_READ ? row->as_mesh : NULL);
         if (!row->as_mesh || b->length == 0) continue;
         memcpy(data + b->at, b->bytes, b->length);
-        assert_ptr_equal(foreign_format("ply", data, FILE_FORMAT_HEAD), row->as_mesh);
-        assert_ptr_equal(foreign_format(own, data, FILE_FORMAT_HEAD),
-                         row->reading == FILE_FORMAT_READ && row->kind == FILE_FORMAT_MESHES ? NULL
-                                                                                             : row->as_mesh);
+        assert_ptr_equal(file_format_as_mesh("ply", data, FILE_FORMAT_HEAD), row->as_mesh);
+        assert_ptr_equal(file_format_as_mesh(own, data, FILE_FORMAT_HEAD), row->as_mesh);
     }
 }
 
@@ -327,6 +339,7 @@ int main(void)
         cmocka_unit_test(each_format_has_a_name_of_its_own),
         cmocka_unit_test(names_of_files_have_the_format_of_their_ending),
         cmocka_unit_test(bytes_identify_a_format),
+        cmocka_unit_test(headers_identify_a_format),
         cmocka_unit_test(bytes_of_volumes_decide_before_the_name),
         cmocka_unit_test(table_of_readers_is_complete),
         cmocka_unit_test(table_of_writers_is_complete),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* OBJ, PLY and STL: exact numbers, polygons, and the positions in refusals. OFF and glTF: features that are
- * left to the library.
+/* Own readers of meshes: exact numbers, polygons, values of vertices, ends of the content, and the positions in
+ * refusals.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,9 +16,15 @@
 #include "base/core/rng.h"
 #include "io/meshes/plain_mesh.h"
 
+static bool read_bytes(const char *ending, const char *data, size_t size, plain_mesh *m)
+{
+    *m = (plain_mesh){0};
+    return plain_mesh_read(file_format_of_name(ending), data, size, m);
+}
+
 static bool read_text(const char *ending, const char *text, plain_mesh *m)
 {
-    return plain_mesh_read(ending, text, strlen(text), m);
+    return read_bytes(ending, text, strlen(text), m);
 }
 
 static void assert_triangles(const plain_mesh *m, size_t count, const uint32_t (*triangle)[3])
@@ -164,7 +170,7 @@ static void binary_files(void **state)
     for (int big = 0; big < 2; big++) {
         plain_mesh m;
         const size_t size = binary_ply(data, big);
-        assert_true(plain_mesh_read("ply", data, size, &m));
+        assert_true(read_bytes("ply", data, size, &m));
         assert_triangles(&m, 1, triangle);
         assert_true(m.vertex[0][0] == 1e6 + 1.0 / 3);
         plain_mesh_free(&m);
@@ -173,7 +179,7 @@ static void binary_files(void **state)
             assert_non_null(part);
             memcpy(part, data, cut);
             part[cut] = 0;
-            assert_false(plain_mesh_read("ply", part, cut, &m));
+            assert_false(read_bytes("ply", part, cut, &m));
             free(part);
         }
     }
@@ -183,11 +189,11 @@ static void binary_files(void **state)
     memset(data + 84, 0, 50);
     memcpy(data + 96, corner, sizeof corner);
     plain_mesh m;
-    assert_true(plain_mesh_read("stl", data, 134, &m));
+    assert_true(read_bytes("stl", data, 134, &m));
     assert_triangles(&m, 1, first);
     assert_true(m.vertex[1][0] == (double)0.1f);
     plain_mesh_free(&m);
-    assert_false(plain_mesh_read("stl", data, 133, &m));
+    assert_false(read_bytes("stl", data, 133, &m));
 }
 
 /* Rows in the usual form, with an exceptional one among them. */
@@ -210,7 +216,7 @@ static void rows_of_triangles_and_polygons_are_read(void **state)
     }
     data[size] = 0;
     plain_mesh m;
-    assert_true(plain_mesh_read("ply", data, size, &m));
+    assert_true(read_bytes("ply", data, size, &m));
     assert_triangles(&m, 4, triangle);
     plain_mesh_free(&m);
     for (size_t cut = size - 14; cut < size; cut++) {
@@ -218,12 +224,12 @@ static void rows_of_triangles_and_polygons_are_read(void **state)
         assert_non_null(part);
         memcpy(part, data, cut);
         part[cut] = 0;
-        assert_false(plain_mesh_read("ply", part, cut, &m));
+        assert_false(read_bytes("ply", part, cut, &m));
         free(part);
     }
     for (int32_t wrong = -1; wrong <= 4; wrong += 5) {
         memcpy(data + size - 4, &wrong, sizeof wrong);
-        assert_false(plain_mesh_read("ply", data, size, &m));
+        assert_false(read_bytes("ply", data, size, &m));
     }
 }
 
@@ -273,7 +279,7 @@ static void truncated_files_are_refused(void **state)
             assert_non_null(part);
             memcpy(part, files[k].text, cut);
             part[cut] = 0;
-            if (plain_mesh_read(files[k].ending, part, cut, &m)) fail_msg("taken: %s", part);
+            if (read_bytes(files[k].ending, part, cut, &m)) fail_msg("taken: %s", part);
             free(part);
         }
     }
@@ -321,7 +327,8 @@ static void damaged_files_are_refused_with_the_place(void **state)
          "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\nendsolid\n",
          "line 6 of the STL file has \"endloop\" in place of vertex"},
         {"stl", "solid\n" FACET, "line 9 is where the STL file ends, in place of endsolid"},
-        {"stl", "solid\n" FACET "endsolid\nx", "line 10 of the STL file is not of a solid"},
+        {"stl", "solid\n" FACET "endsolid\nsolid\nx",
+         "line 11 of the STL file has \"x\" in place of endsolid"},
         {"stl", FACET, "the STL file does not begin with \"solid\", and as a binary file of"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
          "line 13 of the PLY file, row 0 of its element \"face\", refers to a vertex that does not exist"},
@@ -329,7 +336,6 @@ static void damaged_files_are_refused_with_the_place(void **state)
          "line 12 of the PLY file, row 2 of its element \"vertex\", ends before"},
         {"ply", PLY_ASCII "0 0 0 4\n1 0 0\n0 1 0\n3 0 1 2\n",
          "line 10 of the PLY file, row 0 of its element \"vertex\", has more values"},
-        {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\nx", "other data follow"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n",
          "line 13 of the PLY file, row 0 of its element \"face\", has a list whose length"},
         {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1.5 2\n",
@@ -338,8 +344,8 @@ static void damaged_files_are_refused_with_the_place(void **state)
          "line 11 of the PLY file, row 1 of its element \"vertex\", has a word"},
         {"ply",
          PLY_HEAD(
-             "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
-         "triangle strips"},
+             "ascii") "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+         "line 13 of the PLY file, row 0 of its element \"tristrips\", refers to a vertex that does not exist"},
         {"ply",
          PLY_HEAD(
              "ascii") "element face 1\nproperty list uchar int corners\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
@@ -397,10 +403,10 @@ static void zeros_after_a_text_are_ignored(void **state)
     (void)state;
     static const char padded[] = CORNERS "f 1 2 3\n\0\0", within[] = CORNERS "# \0\nf 1 2 3\n";
     plain_mesh m;
-    assert_true(plain_mesh_read("obj", padded, sizeof padded - 1, &m));
+    assert_true(read_bytes("obj", padded, sizeof padded - 1, &m));
     assert_int_equal(m.triangles, 1);
     plain_mesh_free(&m);
-    assert_false(plain_mesh_read("obj", within, sizeof within - 1, &m));
+    assert_false(read_bytes("obj", within, sizeof within - 1, &m));
     assert_non_null(strstr(m.text, "byte 26 of the file is 0"));
 }
 
@@ -413,7 +419,8 @@ static void polygons_are_kept_on_request(void **state)
     static const uint32_t size[] = {4, 2, 3, 3}, corner[] = {0, 1, 3, 2, 1, 4, 4, 3, 1, 0, 1, 2},
                           turned[1][3] = {{0, 2, 1}};
     plain_mesh m;
-    assert_true(plain_mesh_read_polygons("obj", text, sizeof text - 1, &m));
+    m = (plain_mesh){.keeps_polygons = true};
+    assert_true(plain_mesh_read(FILE_FORMAT_OBJ, text, sizeof text - 1, &m));
     assert_int_equal(m.triangles, 3);
     assert_true(plain_mesh_add_triangle(&m, 0, 1, 2, true));
     assert_memory_equal(m.triangle[3], turned, sizeof turned);
@@ -422,15 +429,100 @@ static void polygons_are_kept_on_request(void **state)
     assert_memory_equal(m.polygon_size, size, sizeof size);
     assert_memory_equal(m.polygon_corner, corner, sizeof corner);
     plain_mesh_free(&m);
-    assert_true(plain_mesh_read("obj", text, sizeof text - 1, &m));
+    assert_true(read_bytes("obj", text, sizeof text - 1, &m));
     assert_int_equal(m.polygons, 0);
     assert_null(m.polygon_size);
     plain_mesh_free(&m);
 }
 
+/* What a reader says of data behind the content that the file declares. */
+static void data_behind_the_content_are_told(void **state)
+{
+    (void)state;
+    static const char *const files[][2] = {{"stl", "solid\n" FACET "endsolid\n"},
+                                           {"ply", PLY_ASCII "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"},
+                                           {"off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"}};
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        const size_t length = strlen(files[k][1]);
+        for (int n = 0; n < 2; n++) {
+            char data[1024];
+            plain_mesh m;
+            memset(data, 0, sizeof data);
+            snprintf(data, sizeof data, "%s", files[k][1]);
+            if (n) memcpy(data + length, "\0x", 2);
+            if (!read_bytes(files[k][0], data, length + 4, &m)) fail_msg("%s: %s", files[k][0], m.text);
+            assert_int_equal(m.triangles, 1);
+            assert_int_equal(m.rest, n ? length : 0);
+            plain_mesh_free(&m);
+        }
+    }
+}
+
+/* The triangle 0 1 2 with values of its vertices, in each format that has them as text. */
+static void values_of_vertices_are_read(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *ending, *text, *name;
+        double value[3][4];
+    } files[] = {
+        {"obj",
+         "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.1\nf 1 2 3\n",
+         "color",
+         {{1, 0, 0, 1}, {0, 1, 0, 1}, {0, 0, 0.1, 1}}},
+        {"obj",
+         CORNERS "vt 0.1 0.2\nvt 0.3 0.4\nf 1/1 2/2 3/-2\n",
+         "uv",
+         {{0.1, 0.2}, {0.3, 0.4}, {0.1, 0.2}}},
+        {"obj",
+         CORNERS "vn 0 0 1\nusemtl a\nusemtl b\ng c\nf 1//1 2//1 3\n",
+         "normal",
+         {{0, 0, 1}, {0, 0, 1}, {(double)NAN, (double)NAN, (double)NAN}}},
+        {"obj", CORNERS "usemtl a\nusemtl b\nf 1 2 3\n", "material", {{2}, {2}, {2}}},
+        {"ply",
+         PLY_HEAD(
+             "ascii") "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty double heat\n" PLY_FACES
+                      "0 0 0 255 0 51 0.1\n1 0 0 0 0 0 0.2\n0 1 0 0 0 0 0.3\n3 0 1 2\n",
+         "color",
+         {{1, 0, 0.2, 1}, {0, 0, 0, 1}, {0, 0, 0, 1}}},
+        {"ply",
+         PLY_HEAD("ascii") "property double heat\n" PLY_FACES "0 0 0 0.1\n1 0 0 0.2\n0 1 0 0.3\n3 0 1 2\n",
+         "heat",
+         {{0.1}, {0.2}, {0.3}}},
+        {"off",
+         "STCNOFF\n3 1 0\n0 0 0 0 0 1 255 0 0 .5 .6\n1 0 0 0 1 0 51 0 0 .1 .2\n0 1 0 1 0 0 0 0 0 0 0\n3 0 1 2\n",
+         "color",
+         {{1, 0, 0, 1}, {0.2, 0, 0, 1}, {0, 0, 0, 1}}},
+        {"off",
+         "STCNOFF\n3 1 0\n0 0 0 0 0 1 1 0 0 .5 .6\n1 0 0 0 1 0 1 0 0 1 .1 .2\n0 1 0 1 0 0 0 0 0 0 0\n3 0 1 2\n",
+         "uv",
+         {{0.5, 0.6}, {0.1, 0.2}, {0, 0}}},
+        {"stl", "solid\n" FACET "endsolid\n", "normal", {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}}}};
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        plain_mesh m = {.keeps_values = true};
+        const plain_values *found = NULL;
+        if (!plain_mesh_read(file_format_of_name(files[k].ending), files[k].text, strlen(files[k].text), &m))
+            fail_msg("%s: %s", files[k].text, m.text);
+        for (uint32_t n = 0; n < m.value_arrays; n++)
+            if (strcmp(m.values[n].head.name, files[k].name) == 0) found = &m.values[n];
+        if (!found) fail_msg("%s has no %s", files[k].text, files[k].name);
+        assert_int_equal(m.triangles, 1);
+        for (int n = 0; n < 3; n++)
+            for (uint32_t c = 0; c < found->head.components; c++) {
+                const double value = found->value[m.triangle[0][n] * found->head.components + c],
+                             expected = files[k].value[n][c];
+                if (value != expected && !(isnan(value) && isnan(expected)))
+                    fail_msg("%s: %s of %d is %.17g", files[k].text, files[k].name, n, value);
+            }
+        plain_mesh_free(&m);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(data_behind_the_content_are_told),
+        cmocka_unit_test(values_of_vertices_are_read),
         cmocka_unit_test(polygons_are_kept_on_request),
         cmocka_unit_test(numbers_are_exact),
         cmocka_unit_test(polygons_with_equal_corners_are_those_of_their_distinct_corners),

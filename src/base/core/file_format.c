@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/core/file_format.h"
 
+#include <ctype.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
@@ -26,25 +27,68 @@ static bool is_iges(const char *data, size_t size)
     return blanks == NUMBER - 1 && data[SECTION + NUMBER] == '1';
 }
 
-/* DXF as text: a group code of 0, and the name SECTION in the next line. */
+/* DXF as text: a group code of 0, and the name SECTION in the next line; comments, of the code 999, may precede them. */
 static bool is_dxf(const char *data, size_t size)
 {
     static const char blanks[] = " \t\r\n", binary[] = "AutoCAD Binary DXF";
     if (size >= sizeof binary && memcmp(data, binary, sizeof binary - 1) == 0) return true;
     const char *code = data + strspn(data, blanks);
+    while (strncmp(code, "999", 3) == 0 && code[3] && strchr(blanks, code[3])) {
+        code += strcspn(code, "\n");
+        code += *code == '\n';
+        code += strcspn(code, "\n");
+        code += strspn(code, blanks);
+    }
     return *code == '0' && code[1] && strchr(blanks, code[1]) &&
            strncmp(code + 1 + strspn(code + 1, blanks), "SECTION", 7) == 0;
 }
 
+/* 3DS: the main chunk begins with the chunk of the version, of 10 bytes. */
+static bool is_3ds(const char *data, size_t size)
+{
+    return size >= 16 && memcmp(data, "MM", 2) == 0 && memcmp(data + 6, "\2\0\12\0\0\0", 6) == 0;
+}
+
+/* NIfTI-1 and -2: the size of the header in either byte order, and the mark. */
+static bool is_nifti(const char *data, size_t size)
+{
+    static const struct {
+        const char *size, *marks[2];
+        size_t at;
+    } versions[] = {{"\x5c\1\0\0\0\0\1\x5c", {"n+1", "ni1"}, 344},
+                    {"\x1c\2\0\0\0\0\2\x1c", {"n+2", "ni2"}, 4}};
+    for (size_t k = 0; k < sizeof versions / sizeof *versions; k++)
+        for (int n = 0; n < 2 && size >= versions[k].at + 4; n++)
+            if ((memcmp(data, versions[k].size, 4) == 0 || memcmp(data, versions[k].size + 4, 4) == 0) &&
+                memcmp(data + versions[k].at, versions[k].marks[n], 4) == 0)
+                return true;
+    return false;
+}
+
+/* MetaImage: begins with "KEY =", and has the number of dimensions. */
+static bool is_meta_image(const char *data, size_t size)
+{
+    static const char *const first[] = {"ObjectType", "NDims", "Comment"};
+    (void)size;
+    for (size_t k = 0; k < sizeof first / sizeof *first; k++) {
+        const size_t n = strlen(first[k]);
+        if (strncmp(data, first[k], n) == 0 && data[n + strspn(data + n, " \t")] == '=')
+            return strstr(data, "NDims") != NULL;
+    }
+    return isalpha((unsigned char)*data) && data[strcspn(data, "=\n")] == '=' && strstr(data, "NDims") &&
+           strstr(data, "ElementDataFile");
+}
+
 /* ---- the registry */
 
-#define OTHER_ENDING(what, endings) \
-    "the file is a " what " file, which the ending of its name does not say. Name it " endings "."
 #define NOT_READ(what) "the file is " what ", which is not read. Convert it with "
+#define REMOVED(what) "the file is " what ", which is no longer read. Convert it with "
 #define BLENDER "Blender: import it, and export PLY or OBJ."
 #define NO_SURFACE(what) \
     "the file is a " what ", which is neither a mesh nor a volume. Name the file of the surface."
-#define OTHER_IMAGE(what) "the file is a " what " image: `oiiotool IMAGE -o IMAGE.exr` converts it"
+#define IMAGE(what)                                                                 \
+    .name = what, .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE(what " image"), \
+    .as_image = "the file is a " what " image: `oiiotool IMAGE -o IMAGE.exr` converts it"
 
 // clang-format off
 const file_format_row file_formats[FILE_FORMATS] = {
@@ -59,21 +103,19 @@ const file_format_row file_formats[FILE_FORMATS] = {
     [FILE_FORMAT_OFF] = {.name = "OFF", .ending = {".off"}, .reading = FILE_FORMAT_READ, .up_varies = true},
     [FILE_FORMAT_3MF] = {.name = "3MF", .ending = {".3mf"}, .reading = FILE_FORMAT_READ, .z_up = true},
     [FILE_FORMAT_VTK] = {.name = "VTK", .ending = {".vtk", ".vtp"}, .beginning = {{0, 14, "# vtk DataFile"}},
-        .reading = FILE_FORMAT_READ, .z_up = true, .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
+        .reading = FILE_FORMAT_READ, .z_up = true,
         .as_volume = "a VTK file (3D Slicer saves a volume as NRRD; name a mesh as /surface/mesh/path)"},
     [FILE_FORMAT_VTP] = {.name = "VTK (XML)", .ending = {".vtp", ".vtk"}, .within = "<VTKFile",
         .reading = FILE_FORMAT_READ, .is_written = true, .z_up = true,
-        .as_mesh = OTHER_ENDING("VTK", ".vtk or .vtp"),
         .as_volume = "a VTK XML file (ParaView saves a volume as MetaImage, .mhd; name a ""mesh as "
             "/surface/mesh/path)"},
     [FILE_FORMAT_GIFTI] = {.name = "GIfTI", .ending = {".gii"}, .within = "<GIFTI",
         .reading = FILE_FORMAT_READ, .z_up = true,
-        .as_mesh = OTHER_ENDING("GIfTI", ".gii"),
         .as_volume = "a GIfTI file, which holds a mesh (name it as /surface/mesh/path)"},
-    [FILE_FORMAT_FBX] = {.name = "FBX", .ending = {".fbx"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
-    [FILE_FORMAT_COLLADA] = {.name = "COLLADA", .ending = {".dae"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
-    [FILE_FORMAT_X3D] = {.name = "X3D", .ending = {".x3d"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
-    [FILE_FORMAT_3DS] = {.name = "3DS", .ending = {".3ds"}, .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_FBX] = {.name = "FBX", .ending = {".fbx"}, .beginning = {{0, 7, "Kaydara"}, {0, 5, "; FBX"}},
+        .reading = FILE_FORMAT_READ_BY_LIBRARY},
+    [FILE_FORMAT_COLLADA] = {.name = "COLLADA", .ending = {".dae"}, .within = "<COLLADA",
+        .reading = FILE_FORMAT_READ_BY_LIBRARY},
     [FILE_FORMAT_NPZ] = {.name = "NumPy archive", .ending = {".npz"}, .kind = FILE_FORMAT_POINTS,
         .reading = FILE_FORMAT_READ, .is_written = true, .has_points = true,
         .content_type = "application/zip"},
@@ -81,6 +123,10 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .reading = FILE_FORMAT_READ, .is_written = true, .has_floats = true,
         .content_type = "model/gltf-binary"},
     /* meshes that are not read */
+    [FILE_FORMAT_X3D] = {.name = "X3D", .ending = {".x3d"}, .within = "<X3D",
+        .as_mesh = REMOVED("an X3D file") "assimp (assimp export a.x3d a.ply)."},
+    [FILE_FORMAT_3DS] = {.name = "3DS", .ending = {".3ds"}, .is = is_3ds,
+        .as_mesh = REMOVED("a 3DS file") "assimp (assimp export a.3ds a.ply)."},
     [FILE_FORMAT_USD] = {.name = "USD", .ending = {".usda", ".usd", ".usdc", ".usdz"},
         .beginning = {{0, 5, "#usda"}, {0, 8, "PXR-USDC"}}, .is_written = true, .has_floats = true,
         .content_type = "model/vnd.usda", .as_mesh = NOT_READ("a USD file") BLENDER},
@@ -117,10 +163,10 @@ const file_format_row file_formats[FILE_FORMATS] = {
         .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true,
         .as_mesh = "the file is an NRRD volume and not a mesh. In the spec, name it as "
             """/surface/volume/path."},
-    [FILE_FORMAT_NIFTI] = {.name = "NIfTI", .ending = {".nii", ".nii.gz", ".hdr", ".img", ".img.gz"},
+    [FILE_FORMAT_NIFTI] = {.name = "NIfTI", .ending = {".nii", ".nii.gz", ".hdr", ".img", ".img.gz"}, .is = is_nifti,
         .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true},
-    [FILE_FORMAT_META_IMAGE] = {.name = "MetaImage", .ending = {".mha", ".mhd"}, .kind = FILE_FORMAT_VOLUMES,
-        .reading = FILE_FORMAT_READ, .z_up = true},
+    [FILE_FORMAT_META_IMAGE] = {.name = "MetaImage", .ending = {".mha", ".mhd"}, .is = is_meta_image,
+        .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true},
     [FILE_FORMAT_TIFF] = {.name = "TIFF", .ending = {".tif", ".tiff", ".btf"},
         .beginning = {{0, 4, "II*\0"}, {0, 4, "MM\0*"}, {0, 4, "II+\0"}, {0, 4, "MM\0+"}},
         .kind = FILE_FORMAT_VOLUMES, .reading = FILE_FORMAT_READ, .z_up = true,
@@ -166,13 +212,22 @@ const file_format_row file_formats[FILE_FORMATS] = {
     [FILE_FORMAT_EXR] = {.name = "OpenEXR", .ending = {".exr"}, .beginning = {{0, 4, "v/1\1"}},
         .kind = FILE_FORMAT_IMAGES, .reading = FILE_FORMAT_READ, .is_written = true, .z_up = true,
         .content_type = "image/x-exr", .as_volume = "an EXR image (use surface.exr)"},
-    [FILE_FORMAT_PNG] = {.name = "PNG", .ending = {".png"}, .beginning = {{0, 4, "\x89PNG"}},
-        .kind = FILE_FORMAT_IMAGES, .is_written = true, .content_type = "image/png",
-        .as_mesh = NO_SURFACE("PNG image"), .as_image = OTHER_IMAGE("PNG")},
-    [FILE_FORMAT_JPEG] = {.name = "JPEG", .ending = {".jpg", ".jpeg"}, .beginning = {{0, 3, "\xff\xd8\xff"}},
-        .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE("JPEG image"), .as_image = OTHER_IMAGE("JPEG")},
-    [FILE_FORMAT_DPX] = {.name = "DPX", .ending = {".dpx"}, .beginning = {{0, 4, "SDPX"}, {0, 4, "XPDS"}},
-        .kind = FILE_FORMAT_IMAGES, .as_mesh = NO_SURFACE("DPX image"), .as_image = OTHER_IMAGE("DPX")},
+    [FILE_FORMAT_PNG] = {IMAGE("PNG"), .ending = {".png"}, .beginning = {{0, 4, "\x89PNG"}}, .is_written = true,
+        .content_type = "image/png"},
+    [FILE_FORMAT_JPEG] = {IMAGE("JPEG"), .ending = {".jpg", ".jpeg"}, .beginning = {{0, 3, "\xff\xd8\xff"}}},
+    [FILE_FORMAT_DPX] = {IMAGE("DPX"), .ending = {".dpx"}, .beginning = {{0, 4, "SDPX"}, {0, 4, "XPDS"}}},
+    [FILE_FORMAT_WEBP] = {IMAGE("WebP"), .ending = {".webp"}, .beginning = {{8, 4, "WEBP"}}},
+    [FILE_FORMAT_KTX] = {IMAGE("KTX"), .ending = {".ktx", ".ktx2"}, .beginning = {{0, 5, "\xABKTX "}}},
+    [FILE_FORMAT_DDS] = {IMAGE("DDS"), .ending = {".dds"}, .beginning = {{0, 4, "DDS "}}},
+    [FILE_FORMAT_GIF] = {IMAGE("GIF"), .ending = {".gif"}, .beginning = {{0, 4, "GIF8"}}},
+    [FILE_FORMAT_BMP] = {IMAGE("BMP"), .ending = {".bmp"}, .beginning = {{0, 2, "BM"}}},
+    [FILE_FORMAT_AVIF] = {IMAGE("AVIF"), .ending = {".avif"}, .beginning = {{4, 7, "ftypavi"}}},
+    [FILE_FORMAT_HEIC] = {IMAGE("HEIC"), .ending = {".heic"}, .beginning = {{4, 7, "ftyphei"}}},
+    [FILE_FORMAT_JPEG_2000] = {IMAGE("JPEG 2000"), .ending = {".jp2"}, .beginning = {{4, 4, "jP  "}}},
+    [FILE_FORMAT_BASIS] = {IMAGE("Basis"), .ending = {".basis"}, .beginning = {{0, 2, "sB"}}},
+    [FILE_FORMAT_PHOTOSHOP] = {IMAGE("Photoshop"), .ending = {".psd"}, .beginning = {{0, 4, "8BPS"}}},
+    [FILE_FORMAT_RADIANCE] = {IMAGE("Radiance"), .beginning = {{0, 5, "#?RAD"}}},
+    [FILE_FORMAT_TGA] = {IMAGE("TGA"), .ending = {".tga"}},
     [FILE_FORMAT_JSON] = {.name = "JSON", .ending = {".json"}, .kind = FILE_FORMAT_DOCUMENTS,
         .is_written = true, .content_type = "application/json", .as_mesh = NO_SURFACE("JSON document")},
     [FILE_FORMAT_CSV] = {.name = "CSV", .ending = {".csv"}, .kind = FILE_FORMAT_DOCUMENTS,
@@ -230,6 +285,13 @@ file_format file_format_of_bytes(const char *data, size_t size)
             return (file_format)k;
     }
     return FILE_FORMAT_UNKNOWN;
+}
+
+const char *file_format_as_mesh(const char *name, const char *data, size_t size)
+{
+    const file_format_row *found = &file_formats[file_format_of_bytes(data, size)],
+                          *named = &file_formats[file_format_of_name(name)];
+    return found->as_mesh || named->reading != FILE_FORMAT_NOT_READ ? found->as_mesh : named->as_mesh;
 }
 
 file_format file_format_of_file(int fd, const char *name)

@@ -13,7 +13,7 @@
 #include <stddef.h>
 
 typedef enum file_format {
-    FILE_FORMAT_UNKNOWN, /* no known format; the library assimp may recognise one that is read */
+    FILE_FORMAT_UNKNOWN,
     FILE_FORMAT_PLY,
     FILE_FORMAT_OBJ,
     FILE_FORMAT_STL,
@@ -24,10 +24,10 @@ typedef enum file_format {
     FILE_FORMAT_GIFTI,
     FILE_FORMAT_FBX,
     FILE_FORMAT_COLLADA,
-    FILE_FORMAT_X3D,
-    FILE_FORMAT_3DS,
     FILE_FORMAT_NPZ,
     FILE_FORMAT_GLTF,
+    FILE_FORMAT_X3D,
+    FILE_FORMAT_3DS,
     FILE_FORMAT_USD,
     FILE_FORMAT_AMF,
     FILE_FORMAT_DXF,
@@ -58,6 +58,18 @@ typedef enum file_format {
     FILE_FORMAT_PNG,
     FILE_FORMAT_JPEG,
     FILE_FORMAT_DPX,
+    FILE_FORMAT_WEBP,
+    FILE_FORMAT_KTX,
+    FILE_FORMAT_DDS,
+    FILE_FORMAT_GIF,
+    FILE_FORMAT_BMP,
+    FILE_FORMAT_AVIF,
+    FILE_FORMAT_HEIC,
+    FILE_FORMAT_JPEG_2000,
+    FILE_FORMAT_BASIS,
+    FILE_FORMAT_PHOTOSHOP,
+    FILE_FORMAT_RADIANCE,
+    FILE_FORMAT_TGA,
     FILE_FORMAT_JSON,
     FILE_FORMAT_CSV,
     FILE_FORMATS
@@ -105,8 +117,7 @@ typedef struct file_format_row {
     const char *content_type; /* HTTP content type of written files; NULL: application/octet-stream */
     /* Advice about a file of the format. as_mesh: complete sentences, if it is given as a mesh and is not
      * read. as_volume: the text after "the file is ", if it is given as a dense volume. as_image: a
-     * sentence, if it is an image of an OpenEXR stack. NULL: no advice. For a format that is read, as_mesh
-     * is used if the file has an ending of another format. */
+     * sentence, if it is an image of an OpenEXR stack. NULL: no advice. */
     const char *as_mesh, *as_volume, *as_image;
 } file_format_row;
 
@@ -124,6 +135,10 @@ bool file_format_has_ending(file_format format, const char *name);
 
 /* The format by the bytes of a file: its head, or all. data[size] is 0. */
 file_format file_format_of_bytes(const char *data, size_t size);
+
+/* Advice about a file that is given as a mesh and cannot be read as one, by its bytes, or by its name if that of a
+ * format that is not read; NULL: none. data[size] is 0. */
+const char *file_format_as_mesh(const char *name, const char *data, size_t size);
 
 /* The format by the head and the name of an open file. The bytes decide for formats of grids, volumes and
  * images that are read. Otherwise the name decides, because many meshes are text without a signature; then

@@ -13,6 +13,8 @@
 #include <jerror.h>
 #include <png.h>
 
+#include "base/core/file_format.h"
+
 /* Limit of one chunk of a PNG file that libpng holds, such as a palette, bytes. Pixels are not held. */
 static const png_alloc_size_t chunk_bytes = 1 << 20;
 
@@ -251,33 +253,21 @@ static void read_jpeg(decoding *d)
 
 /* ---- formats */
 
-static bool has_ending(const char *name, const char *ending)
+static bool is_unread(file_format format)
 {
-    const size_t length = strlen(name), tail = strlen(ending);
-    return length >= tail && strcasecmp(name + length - tail, ending) == 0;
+    return format != FILE_FORMAT_PNG && format != FILE_FORMAT_JPEG &&
+           (file_formats[format].kind == FILE_FORMAT_IMAGES || file_formats[format].as_image);
 }
 
-/* The name of a known format that is not read, or NULL. */
+/* The format of an image that is not read, by its bytes or its name; NULL: it is unknown. */
 static const char *find_unread(const unsigned char *data, size_t size, const char *name)
 {
-    static const struct {
-        const char *format, *bytes;
-        size_t at, length;
-    } known[] = {{"WebP", "WEBP", 8, 4},      {"KTX", "\xABKTX ", 0, 5},  {"DDS", "DDS ", 0, 4},
-                 {"GIF", "GIF8", 0, 4},       {"BMP", "BM", 0, 2},        {"TIFF", "II*", 0, 4},
-                 {"TIFF", "MM\0*", 0, 4},     {"AVIF", "ftypavi", 4, 7},  {"HEIC", "ftyphei", 4, 7},
-                 {"JPEG 2000", "jP  ", 4, 4}, {"OpenEXR", "v/1\1", 0, 4}, {"Basis", "sB", 0, 2},
-                 {"Photoshop", "8BPS", 0, 4}, {"Radiance", "#?RAD", 0, 5}};
-    static const struct {
-        const char *format, *ending;
-    } named[] = {{"TGA", ".tga"}, {"WebP", ".webp"}, {"KTX", ".ktx"}, {"KTX", ".ktx2"}, {"DDS", ".dds"}};
-    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
-        if (size >= known[k].at + known[k].length &&
-            memcmp(data + known[k].at, known[k].bytes, known[k].length) == 0)
-            return known[k].format;
-    for (size_t k = 0; k < sizeof named / sizeof *named; k++)
-        if (has_ending(name, named[k].ending)) return named[k].format;
-    return NULL;
+    char head[FILE_FORMAT_HEAD + 1];
+    const size_t length = size < FILE_FORMAT_HEAD ? size : FILE_FORMAT_HEAD;
+    memcpy(head, data, length);
+    head[length] = 0;
+    const file_format found = file_format_of_bytes(head, length), named = file_format_of_name(name);
+    return is_unread(found) ? file_formats[found].name : is_unread(named) ? file_formats[named].name : NULL;
 }
 
 void *image_decode(const unsigned char *data, size_t size, const char *name, const image_limits *limits,

@@ -2,14 +2,11 @@
 #include "io/meshes/library_scene.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include <assimp/cimport.h>
-#include <assimp/commonMetaData.h>
-#include <assimp/importerdesc.h>
 
 #include "io/meshes/plain_textures.h"
 
@@ -17,71 +14,6 @@
 enum { MOST_WARNINGS = 3 };
 /* Relative deviation of a length of 1 that is rounding of the library's floats. */
 static const double rounding = 1e-4;
-
-/* ---- formats */
-
-/* Whether a word of a list that blanks separate equals the ending, in any case. */
-static bool is_listed(const char *list, const char *ending)
-{
-    const size_t length = strlen(ending);
-    for (const char *at = list; length > 0 && *at; at += strcspn(at, " "), at += strspn(at, " "))
-        if (strcspn(at, " ") == length && strncasecmp(at, ending, length) == 0) return true;
-    return false;
-}
-
-/* The row of an importer: that of the first ending that it reads. */
-static const file_format_row *row_of(const struct aiImporterDesc *importer)
-{
-    char first[16];
-    const int length = (int)strcspn(importer->mFileExtensions, " ");
-    snprintf(first, sizeof first, "%.*s", length, importer->mFileExtensions);
-    return &file_formats[file_format_of_name(first)];
-}
-
-static bool is_read(const struct aiImporterDesc *importer)
-{
-    return row_of(importer)->reading != FILE_FORMAT_NOT_READ;
-}
-
-static bool refuse_importer(const struct aiImporterDesc *importer, plain_mesh *m)
-{
-    const file_format_row *row = row_of(importer);
-    if (row->as_mesh) return plain_mesh_refuse(m, ERROR_INPUT_UNSUPPORTED, "%s", row->as_mesh);
-    return plain_mesh_refuse(
-        m, ERROR_INPUT_UNSUPPORTED,
-        "the format of the file is not read (its reader in the library assimp is \"%s\"). Convert it with Blender, or with "
-        "assimp (assimp export FILE mesh.ply), and compare its size and axes.",
-        importer->mName);
-}
-
-bool library_scene_accepts(const char *ending, plain_mesh *m)
-{
-    const struct aiImporterDesc *unread = NULL;
-    for (size_t k = 0; k < aiGetImportFormatCount(); k++) {
-        const struct aiImporterDesc *importer = aiGetImportFormatDescription(k);
-        if (!is_listed(importer->mFileExtensions, ending)) continue;
-        if (is_read(importer)) return true;
-        unread = importer;
-    }
-    return !unread || refuse_importer(unread, m);
-}
-
-/* The importer that read the scene; NULL: unknown. */
-static const struct aiImporterDesc *importer_of(const struct aiScene *scene)
-{
-    const struct aiMetadata *data = scene->mMetaData;
-    for (unsigned k = 0; data && k < data->mNumProperties; k++) {
-        if (strcmp(data->mKeys[k].data, AI_METADATA_SOURCE_FORMAT) != 0 ||
-            data->mValues[k].mType != AI_AISTRING)
-            continue;
-        const char *name = ((struct aiString *)data->mValues[k].mData)->data;
-        for (size_t n = 0; n < aiGetImportFormatCount(); n++) {
-            const struct aiImporterDesc *importer = aiGetImportFormatDescription(n);
-            if (strcmp(importer->mName, name) == 0) return importer;
-        }
-    }
-    return NULL;
-}
 
 /* ---- warnings of the library */
 
@@ -217,19 +149,12 @@ static void warn_of_nodes(const struct aiScene *scene, plain_mesh *m)
                         n.uninherited);
 }
 
-bool library_scene_check(const struct aiScene *scene, plain_mesh *m)
+void library_scene_warn(const struct aiScene *scene, file_format format, plain_mesh *m)
 {
-    const struct aiImporterDesc *importer = importer_of(scene);
-    if (importer && !is_read(importer)) return refuse_importer(importer, m);
-    const file_format_row *row = importer ? row_of(importer) : &file_formats[FILE_FORMAT_UNKNOWN];
-    if (row->reading != FILE_FORMAT_READ_BY_LIBRARY) return true;
-    const double master = scale_of(&scene->mRootNode->mTransformation, 0);
-    if (row == &file_formats[FILE_FORMAT_3DS] && fabs(master - 1) > rounding)
-        plain_mesh_warn(m, "the file has a master scale of %.6g: coordinates are divided by it", 1 / master);
+    if (file_formats[format].reading != FILE_FORMAT_READ_BY_LIBRARY) return;
     warn_of_axes_and_unit(scene->mMetaData, m);
     warn_of_nodes(scene, m);
     for (int k = 0; k < MOST_WARNINGS && kept[k]; k++)
         (keeps_textures ? plain_textures_warn
                         : plain_mesh_warn)(m, "the library that reads the format reports: %s", kept[k]);
-    return true;
 }

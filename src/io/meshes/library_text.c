@@ -145,39 +145,6 @@ static void end_collada(void *context, const char *name)
             refuse(d, "<%s> has %zu numbers and not %zu", name, count, transforms[k].numbers);
 }
 
-/* ---- X3D */
-
-/* Refuses an attribute of numbers with a word that is none, such as "1,5": the library reads a word up to its
- * comma. A comma may follow a number. */
-static bool check_words(document *d, const char *attribute, const char *value)
-{
-    for (const char *at = value; *(at += strspn(at, " \t\r\n"));) {
-        const size_t length = strcspn(at, " \t\r\n");
-        char *end;
-        strtod(at, &end);
-        const size_t used = (size_t)(end - at) + (*end == ',');
-        if (end == at || used != length)
-            return refuse(d, "%s has \"%.*s\", which is not a number", attribute,
-                          (int)(length < 40 ? length : 40), at);
-        at += length;
-    }
-    return true;
-}
-
-static bool begin_x3d(void *context, const char *name, const char **attributes)
-{
-    static const char *const placing[] = {"translation", "rotation", "scale", "center", "scaleOrientation"};
-    document *d = context;
-    for (size_t k = 0; k < sizeof placing / sizeof *placing; k++) {
-        const char *value = xml_attribute(attributes, placing[k]);
-        if (value && !check_words(d, placing[k], value)) return false;
-    }
-    const char *category = xml_attribute(attributes, "category");
-    if (strcmp(name, "unit") == 0 && category && strcmp(category, "length") == 0)
-        plain_mesh_warn(d->m, "the file has a unit of length: coordinates are not converted");
-    return true;
-}
-
 /* ---- FBX */
 
 /* Beginning of the name of the property in a line of text; NULL: the line is another. */
@@ -259,9 +226,8 @@ void library_text_move_blanks(char *data)
     }
 }
 
-bool library_text_check(const char *ending, const char *data, size_t size, plain_mesh *m)
+bool library_text_check(file_format format, const char *data, size_t size, plain_mesh *m)
 {
-    const file_format format = file_format_of_name(ending);
     document d = {.m = m};
     d.reader = (xml){.data = data, .size = size, .context = &d, .allows_doctype = true};
     switch (format) {
@@ -271,9 +237,6 @@ bool library_text_check(const char *ending, const char *data, size_t size, plain
         if (!plain_mesh_read_xml(m, &d.reader, "the COLLADA file")) return false;
         if (m->textures) warn_of_textures(&d);
         return true;
-    case FILE_FORMAT_X3D:
-        d.reader.begin = begin_x3d;
-        return plain_mesh_read_xml(m, &d.reader, "the X3D file");
     case FILE_FORMAT_FBX:
         return strncmp(data, "Kaydara", 7) == 0 || check_fbx(data, m);
     default:

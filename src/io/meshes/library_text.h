@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* library_text: checks of COLLADA, X3D and FBX files that the library assimp does not make: XML that is not
+/* library_text: checks of COLLADA and FBX files that the library assimp does not make: XML that is not
  * valid, counts that the data contradict, text that is not a number, a property that is there twice.
  *
  * Runs in the process that reads. Threads: none.
@@ -14,8 +14,7 @@
 void library_text_move_blanks(char *data);
 
 /* Refuses a file that the library would read in part, or differently from what it states; adds warnings
- * about elements that the library ignores. `ending`: the extension of the file's name. data[size] is 0.
- * Returns false if *m is refused. */
-bool library_text_check(const char *ending, const char *data, size_t size, plain_mesh *m);
+ * about elements that the library ignores. data[size] is 0. Returns false if *m is refused. */
+bool library_text_check(file_format format, const char *data, size_t size, plain_mesh *m);
 
 #endif

@@ -74,7 +74,8 @@ static bool read_triangles(reader *r, mesh *m, error *e)
     return true;
 }
 
-static bool read_array(reader *r, const mesh *m, mesh_reader_values *head, float **value, error *e)
+static bool read_array(reader *r, size_t vertices, size_t *left, mesh_reader_values *head, double **value,
+                       error *e)
 {
     if (!reader_get(r, head, sizeof *head, 1, e)) return false;
     if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
@@ -82,8 +83,15 @@ static bool read_array(reader *r, const mesh *m, mesh_reader_values *head, float
         return reader_invalid(e);
     for (char *p = head->name; *p; p++) /* the name comes from the file */
         if ((unsigned char)*p < ' ' || *p == 0x7F) *p = '?';
-    *value = mem_array(m->vertex_count, head->components * sizeof **value, "the values of the vertices", e);
-    return *value && reader_get(r, *value, head->components * sizeof **value, m->vertex_count, e);
+    const size_t each = head->components * sizeof **value;
+    if (vertices > *left / each)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the values of its %zu vertices require more memory than is left: raise limits.memory_mb",
+            vertices);
+    *left -= vertices * each;
+    *value = mem_array(vertices, each, "the values of the vertices", e);
+    return *value && reader_get(r, *value, each, vertices, e);
 }
 
 static bool read_values(reader *r, const mesh *m, size_t limit, mesh_values *out, error *e)
@@ -91,15 +99,10 @@ static bool read_values(reader *r, const mesh *m, size_t limit, mesh_values *out
     uint32_t count;
     if (!reader_get(r, &count, sizeof count, 1, e)) return false;
     if (count > MESH_VALUES_MOST) return reader_invalid(e);
-    if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "the values of its %zu vertices require more memory than is left: raise limits.memory_mb",
-            m->vertex_count);
     out->head = mem_alloc(count * sizeof *out->head);
     out->value = mem_alloc(count * sizeof *out->value);
     for (; out->count < count; out->count++)
-        if (!read_array(r, m, &out->head[out->count], &out->value[out->count], e)) {
+        if (!read_array(r, m->vertex_count, &limit, &out->head[out->count], &out->value[out->count], e)) {
             free(out->value[out->count]);
             return false;
         }
@@ -177,34 +180,12 @@ static bool read_images(reader *r, size_t limit, mesh_textures *t, error *e)
     return true;
 }
 
-static bool read_corners(reader *r, size_t polygons, size_t corners, bool has_colors, mesh_textures *t,
-                         error *e)
-{
-    static const char what[] = "the texture coordinates of the mesh";
-    if (!(t->polygon_material = mem_array(polygons, sizeof *t->polygon_material, what, e)) ||
-        !(t->uv = mem_array(corners, sizeof *t->uv, what, e)) ||
-        (has_colors && !(t->color = mem_array(corners, sizeof *t->color, what, e))) ||
-        !reader_get(r, t->polygon_material, sizeof *t->polygon_material, polygons, e) ||
-        !reader_get(r, t->uv, sizeof *t->uv, corners, e) ||
-        (has_colors && !reader_get(r, t->color, sizeof *t->color, corners, e)))
-        return false;
-    for (size_t k = 0; k < polygons; k++)
-        if (t->polygon_material[k] != MESH_TEXTURES_NONE && t->polygon_material[k] >= t->materials)
-            return reader_invalid(e);
-    return true;
-}
-
-bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, size_t corners,
-                              mesh_textures *out, error *e)
+bool mesh_file_parse_textures(reader *r, size_t memory_limit, mesh_textures *out, error *e)
 {
     mesh_textures_header h;
     if (!reader_get(r, &h, sizeof h, 1, e)) return false;
-    if (h.materials > MESH_TEXTURES_MOST || h.images > MESH_TEXTURES_MOST ||
-        h.libraries > MESH_TEXTURES_MOST || h.has_colors > 1)
+    if (h.materials > MESH_TEXTURES_MOST || h.images > MESH_TEXTURES_MOST || h.libraries > MESH_TEXTURES_MOST)
         return reader_invalid(e);
-    if (corners > memory_limit / (sizeof *out->uv + sizeof *out->color))
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "its texture coordinates require more memory than is left: raise limits.memory_mb");
     out->material = mem_alloc(h.materials * sizeof *out->material);
     out->library = mem_alloc(h.libraries * sizeof *out->library);
     out->image = mem_alloc(h.images * sizeof *out->image);
@@ -225,7 +206,7 @@ bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, s
     reader_blank(h.warnings, "\n");
     memcpy(out->warnings, h.warnings, sizeof out->warnings);
     out->unlisted = h.unlisted;
-    return read_images(r, memory_limit, out, e) && read_corners(r, polygons, corners, h.has_colors, out, e);
+    return read_images(r, memory_limit, out, e);
 }
 
 void mesh_polygons_free(mesh_polygons *polygons)
@@ -317,8 +298,7 @@ bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header,
              read_triangles(r, &m, e) && mesh_check_vertices(&m, &unused, e) &&
              (!values || read_values(r, &m, memory_limit, values, e)) &&
              (!polygons || read_polygons(r, &m, memory_limit, polygons, e)) &&
-             (!textures ||
-              mesh_file_parse_textures(r, memory_limit, polygons->count, polygons->corners, textures, e));
+             (!textures || mesh_file_parse_textures(r, memory_limit, textures, e));
     }
     ok = ok && check_end(r, e);
     if (ok) note_lines(notes, text);
@@ -453,19 +433,19 @@ bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *po
     return false;
 }
 
-bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, mesh_notes *notes, error *e)
+bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_values *values, mesh_textures *textures,
+                             mesh_notes *notes, error *e)
 {
     mesh_reader_header header = {0};
-    mesh_polygons read = {0};
+    mesh_values read = {0};
     mesh_textures found = {0};
-    if (read_file(file, &header, out, notes, NULL, &read, &found, e)) {
+    if (read_file(file, &header, out, notes, &read, NULL, &found, e)) {
         note_header(notes, &header);
-        *polygons = read;
+        *values = read;
         *textures = found;
         return true;
     }
-    mesh_polygons_free(&read);
+    mesh_values_free(&read);
     mesh_textures_free(&found);
     return false;
 }
@@ -481,7 +461,7 @@ bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, er
         !start(file, MESH_MATERIALS_COMMAND, size, &r, e))
         return false;
     bool ok = read_header(&r, &header, &text, e) &&
-              mesh_file_parse_textures(&r, file->memory_limit, 0, 0, &found, e) && check_end(&r, e);
+              mesh_file_parse_textures(&r, file->memory_limit, &found, e) && check_end(&r, e);
     free(text);
     ok = reader_end(&r, ok, e);
     if (ok)

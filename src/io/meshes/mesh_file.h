@@ -35,14 +35,13 @@ bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *
 typedef struct mesh_values {
     size_t count;             /* number of arrays */
     mesh_reader_values *head; /* per array: name, kind, number of components */
-    float **value;            /* per array: head.components numbers for each vertex, vertex by vertex */
+    double **value;           /* per array: head.components numbers for each vertex, vertex by vertex */
 } mesh_values;
 
-/* mesh_file_read, and the attributes. Files other than VTK and GIfTI are read by assimp. Therefore their vertices
- * can differ from those of mesh_file_read: they have single precision, and assimp numbers and duplicates them. OBJ,
- * PLY, STL and OFF files are refused as by mesh_file_read. Values of parts that do not have them are NaN. `notes`:
- * NULL if mesh_file_read adds the same ones. glTF files with quantised positions are input_unsupported. *out and
- * *values are unchanged on failure; free both after success. */
+/* mesh_file_read, and the attributes. The triangles are those of mesh_file_read. Where corners of faces have values,
+ * as texture coordinates of OBJ, each corner of a face has a vertex of its own. Values of parts that do not have them
+ * are NaN. `notes`: NULL if mesh_file_read adds the same ones. *out and *values are unchanged on failure; free both
+ * after success. */
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes,
                            error *e);
 void mesh_values_free(mesh_values *values);
@@ -72,13 +71,13 @@ uint32_t *mesh_polygons_of_triangles(const mesh_polygons *p, size_t triangles, e
 /* The first corner of a polygon that has the vertex, counted from its first one. A vertex may occur twice. */
 uint32_t mesh_polygons_find_corner(const mesh_polygons *p, uint32_t polygon, uint32_t vertex);
 
-/* Reads the mesh without repair, with its polygons and their textures. Libraries and images that are files are
- * named, not read. Notes, errors: as mesh_file_read; input_unsupported: other formats than OBJ, PLY, glTF, 3MF and
- * COLLADA. Free *out, *polygons and *textures after success. */
-bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_polygons *polygons,
-                             mesh_textures *textures, mesh_notes *notes, error *e);
+/* Reads the mesh without repair, with its textures and the values that belong to them (mesh_textures.h). Libraries and
+ * images that are files are named, not read. Notes, errors: as mesh_file_read; input_unsupported: other formats than
+ * OBJ, PLY, glTF, 3MF and COLLADA. Free *out, *values and *textures after success. */
+bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_values *values, mesh_textures *textures,
+                             mesh_notes *notes, error *e);
 
-/* Reads a file of materials (MTL), which has no polygons. Errors: as mesh_file_read_textures. */
+/* Reads a file of materials (MTL). Errors: as mesh_file_read_textures. */
 bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e);
 
 /* Points of a PLY or NPZ file: its vertices, in double precision. The caller frees *out. Errors:
@@ -92,13 +91,12 @@ bool mesh_file_parse_points(reader *r, size_t memory_limit, vec3 **out, size_t *
 /* Reads and checks only the answer of the reader process, from its first byte to its end. *header receives
  * the header of the answer. *notes receives its warnings. `values`, `polygons`, `textures`: NULL if the answer
  * has none; otherwise zeroed before the call, and to be freed with mesh_values_free, mesh_polygons_free and
- * mesh_textures_free, also after failure. With textures there are polygons. *out is unchanged on failure.
+ * mesh_textures_free, also after failure. *out is unchanged on failure.
  * Errors: as mesh_file_read. */
 bool mesh_file_parse(reader *r, size_t memory_limit, mesh_reader_header *header, mesh *out, mesh_notes *notes,
                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e);
 
-/* Reads and checks only the part of the answer that has the textures, of this number of polygons and corners. */
-bool mesh_file_parse_textures(reader *r, size_t memory_limit, size_t polygons, size_t corners,
-                              mesh_textures *out, error *e);
+/* Reads and checks only the part of the answer that has the textures. */
+bool mesh_file_parse_textures(reader *r, size_t memory_limit, mesh_textures *out, error *e);
 
 #endif

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_reader: a mesh file as plain arrays, by plain_mesh or else by assimp. With library_scene and library_textures it is
- * the only user of that library.
+/* mesh_reader: a mesh file as plain arrays, by plain_mesh or by assimp (library_mesh).
  *
  * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take any
  * amount of memory and time. The process has one open descriptor for the file and no other input. It opens no
@@ -9,10 +8,12 @@
  * Its answer (base/core/reader) is, in this order:
  * 1. warnings as the text, one a line, and a mesh_reader_header;
  * 2. the vertices (three doubles each) and the triangles (three uint32_t each);
- * 3. for MESH_VALUES_COMMAND only: a uint32_t, the number of attribute arrays, and for each array a
- *    mesh_reader_values and vertices * components floats, vertex by vertex;
+ * 3. for MESH_VALUES_COMMAND and MESH_TEXTURES_COMMAND only: a uint32_t, the number of attribute arrays, and for each
+ *    array a mesh_reader_values and vertices * components doubles, vertex by vertex;
  * 4. for MESH_POLYGONS_COMMAND only: two uint64_t, the number of polygons and of all their corners; the
- *    number of corners of each polygon, and the vertices of all corners, uint32_t each.
+ *    number of corners of each polygon, and the vertices of all corners, uint32_t each;
+ * 5. for MESH_TEXTURES_COMMAND only: a mesh_textures_header, the materials, the names of the libraries, the images, and
+ *    the bytes of the images.
  */
 #ifndef HEXAD_IO_MESHES_MESH_READER_H
 #define HEXAD_IO_MESHES_MESH_READER_H
@@ -57,12 +58,9 @@ typedef struct mesh_reader_values {
     uint32_t kind, components; /* kind: a mesh_values_kind; components: 1 .. MESH_VALUES_COMPONENTS */
 } mesh_reader_values;
 
-/* Command that also answers the polygons and their textures (mesh_textures.h): part 4, and then a
- * mesh_textures_header, the materials, the names of the libraries, the images, the bytes of the images, the material
- * of each polygon, and for each corner two doubles and, if has_colors, four floats. */
+/* Command that also answers the textures: the parts 3, with the arrays of mesh_textures.h alone, and 5. */
 #define MESH_TEXTURES_COMMAND "read-mesh-textures"
-/* Command that reads a file of materials (MTL) and answers part 1 with an empty header, and this part of the answer
- * without polygons. */
+/* Command that reads a file of materials (MTL) and answers part 1 with an empty header, and part 5. */
 #define MESH_MATERIALS_COMMAND "read-mesh-materials"
 
 /* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`, or with another of these commands as its

@@ -13,9 +13,6 @@ void mesh_textures_free(mesh_textures *t)
     free(t->material);
     free(t->image);
     free(t->library);
-    free(t->polygon_material);
-    free(t->uv);
-    free(t->color);
     *t = (mesh_textures){0};
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/* mesh_textures: materials, images and texture coordinates of a mesh file: what base_color is computed from.
+/* mesh_textures: materials and images of a mesh file, from which base_color is computed with three arrays of values
+ * of the vertices: the coordinates on the image, the index of the material, and a colour that is multiplied.
  *
  * Coordinates of images are (0, 0) at the upper left corner and (1, 1) at the lower right one. A material maps
  * the coordinates of the file to them.
@@ -45,16 +46,17 @@ typedef struct mesh_image {
     uint64_t bytes;
 } mesh_image;
 
-/* What a polygon has beside its corners: a material, and for each corner coordinates and a colour. */
+/* Names of the arrays. A vertex that no array has a value for has no coordinates, no material, and the colour 1. */
+#define MESH_TEXTURES_UV "uv"
+#define MESH_TEXTURES_MATERIAL "material"
+#define MESH_TEXTURES_TINT "tint"
+
 typedef struct mesh_textures {
     size_t materials, images, libraries;
     mesh_material *material;
     mesh_image *image;
     unsigned char **data;                   /* per image: its bytes, or NULL */
     char (*library)[MESH_IMAGE_NAME_SIZE];  /* files with materials, relative to the mesh file */
-    uint32_t *polygon_material;             /* per polygon, or MESH_TEXTURES_NONE */
-    double (*uv)[2];                        /* per corner of a polygon; NaN: there are none */
-    float (*color)[4];                      /* per corner, multiplied with the image; NULL: all are 1 */
     char warnings[MESH_TEXTURES_TEXT_SIZE]; /* one a line */
     uint32_t unlisted;                      /* number of further warnings */
 } mesh_textures;
@@ -70,7 +72,7 @@ mesh_material mesh_textures_white(void);
 
 /* Heads of the part of the reader's answer that has the textures (mesh_reader.h). */
 typedef struct mesh_textures_header {
-    uint32_t materials, images, libraries, has_colors, unlisted;
+    uint32_t materials, images, libraries, unlisted;
     char warnings[MESH_TEXTURES_TEXT_SIZE];
 } mesh_textures_header;
 

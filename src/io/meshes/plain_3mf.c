@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /* 3MF: the items of the build with their transforms, in doubles and millimetres. Meshes, components and parts
- * of other model files in the package (the production extension) are read. */
+ * of other model files in the package (the production extension) are read. Values: colours of base materials and of
+ * groups, texture coordinates, the index of the first corner in its resource (material), and the number of the placed
+ * object (group). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -74,7 +76,7 @@ typedef struct package {
     list triangles;    /* of uint32_t[3] */
     list components;   /* of reference */
     list items;        /* of reference: the items of the build */
-    /* if textures are read */
+    /* if values are kept */
     list properties; /* of property: one for each of `triangles` */
     list defaults;   /* of property: one for each of `objects` */
     list resources;  /* of resource */
@@ -84,6 +86,8 @@ typedef struct package {
     resource *filled; /* the resource whose rows are read, or NULL */
     uint32_t colors;  /* the material of colours, or MESH_TEXTURES_NONE */
     size_t others;    /* number of triangles that name a resource that is not read */
+    plain_values *values_of[4];
+    double group; /* number of placed objects with triangles */
     name_table part_names, object_names;
     size_t placed; /* number of placed objects, at most PLACED_MOST */
     size_t beam_lattices;
@@ -94,6 +98,9 @@ typedef struct package {
     bool is_building; /* the reader is within the root's <build> */
     plain_mesh *out;
 } package;
+
+/* Arrays of values: those of the kinds of resources, and two more. */
+enum { OF_MATERIALS = OF_COORDINATES + 1, OF_GROUPS };
 
 static bool damaged(package *p, const char *what)
 {
@@ -284,7 +291,7 @@ static bool read_unit(const char *unit, plain_mesh *out, double *millimetres)
 static bool add_property(package *p, list *to, const char **attributes, const char *const index[3])
 {
     const char *id = xml_attribute(attributes, "pid");
-    if (!p->out->textures) return true;
+    if (!p->out->keeps_values) return true;
     property *new = append(p, to, sizeof *new);
     if (!new) return false;
     *new = (property){.resource = id ? strdup(id) : NULL,
@@ -343,10 +350,11 @@ static bool add_texture(package *p, const char **attributes)
     if (!read_wrap(p, attributes, "tilestyleu", &new.wrap[0]) ||
         !read_wrap(p, attributes, "tilestylev", &new.wrap[1]))
         return false;
-    if (!read_bytes(p, path, &data, &length)) return false;
+    if (p->out->textures && !read_bytes(p, path, &data, &length)) return false;
     new.is_opaque = true;
-    const bool ok = length > 0 ? plain_textures_add_image(p->out, path, data, length, &new.image)
-                               : damaged(p, "an image is empty");
+    const bool ok =
+        !p->out->textures || (length > 0 ? plain_textures_add_image(p->out, path, data, length, &new.image)
+                                         : damaged(p, "an image is empty"));
     free(data);
     mesh_material *at = ok ? append(p, &p->textures, sizeof *at) : NULL;
     if (!at) return false;
@@ -364,11 +372,12 @@ static bool add_resource(package *p, resource_kind kind, const char **attributes
     if (kind == OF_COORDINATES) {
         const named *found = find_name(&p->texture_names, p->part, xml_attribute(attributes, "texid"));
         if (!found) return damaged(p, what);
-        if (!plain_textures_add_material(p->out, &((mesh_material *)p->textures.items)[found->number],
+        if (p->out->textures &&
+            !plain_textures_add_material(p->out, &((mesh_material *)p->textures.items)[found->number],
                                          &new.material))
             return false;
     }
-    if (kind == OF_COLORS) {
+    if (kind == OF_COLORS && p->out->textures) {
         const mesh_material white = mesh_textures_white();
         if (p->colors == MESH_TEXTURES_NONE && !plain_textures_add_material(p->out, &white, &p->colors))
             return false;
@@ -409,8 +418,8 @@ static bool begin_resource(package *p, const char *name, const char **attributes
     return true;
 }
 
-/* Adds the material, coordinates and colours of triangle t, which belongs to an object. */
-static bool add_triangle_textures(package *p, const object *o, size_t number, size_t t)
+/* Makes the corners of triangle t of an object vertices of their own, with their values. */
+static bool add_triangle_values(package *p, const object *o, size_t number, size_t t, uint32_t corner[3])
 {
     const property *own = &((property *)p->properties.items)[t],
                    *of_object = &((property *)p->defaults.items)[number];
@@ -418,21 +427,22 @@ static bool add_triangle_textures(package *p, const object *o, size_t number, si
     const uint32_t *index = own->has_index ? own->index : of_object->index;
     const named *found = find_name(&p->resource_names, o->part, name);
     const resource *r = found ? &((resource *)p->resources.items)[found->number] : NULL;
+    double material = r ? index[0] : 0;
+    if (p->out->textures) material = r ? r->material : -1.0;
     p->others += name && !r;
-    double uv[3][2];
-    float color[3][4];
     for (int k = 0; k < 3; k++) {
-        const double *row = NULL;
-        if (r) {
-            if (index[k] >= r->row[1] - r->row[0])
-                return damaged(p, "a triangle names a colour or a texture coordinate that is missing");
-            row = ((double(*)[4])p->rows.items)[r->row[0] + index[k]];
-        }
-        for (int c = 0; c < 2; c++) uv[k][c] = row && r->kind == OF_COORDINATES ? row[c] : (double)NAN;
-        for (int c = 0; c < 4; c++) color[k][c] = row && r->kind == OF_COLORS ? (float)row[c] : 1;
+        const size_t n = p->out->vertices;
+        if (r && index[k] >= r->row[1] - r->row[0])
+            return damaged(p, "a triangle names a colour or a texture coordinate that is missing");
+        if (!plain_mesh_copy_vertex(p->out, corner[k]) ||
+            (r && !plain_mesh_set_values(p->out, p->values_of[r->kind], n,
+                                         ((double(*)[4])p->rows.items)[r->row[0] + index[k]])) ||
+            !plain_mesh_set_values(p->out, p->values_of[OF_MATERIALS], n, &material) ||
+            !plain_mesh_set_values(p->out, p->values_of[OF_GROUPS], n, &p->group))
+            return false;
+        corner[k] = (uint32_t)n;
     }
-    return plain_textures_add_polygon(p->out, r ? r->material : MESH_TEXTURES_NONE, (const double(*)[2])uv,
-                                      (const float(*)[4])color, 3);
+    return true;
 }
 
 /* ---- objects */
@@ -518,7 +528,7 @@ static bool begin_element(void *context, const char *name, const char **attribut
     if (strcmp(name, "build") == 0) p->is_building = is_root;
     if (strcmp(name, "item") == 0 && p->is_building) return add_reference(p, &p->items, attributes);
     p->beam_lattices += strcmp(name, "beamlattice") == 0;
-    if (p->out->textures && !p->open && !begin_resource(p, name, attributes)) return false;
+    if (p->out->keeps_values && !p->open && !begin_resource(p, name, attributes)) return false;
     return !p->open || begin_in_object(p, name, attributes);
 }
 
@@ -580,11 +590,14 @@ static bool add_mesh(package *p, const object *o, size_t number, const double m[
         const vec3 v = affine_apply(m, vertex[k][0], vertex[k][1], vertex[k][2]);
         if (!plain_mesh_add_vertex(p->out, (const double[3]){v.x, v.y, v.z})) return false;
     }
-    for (size_t k = o->triangle[0]; k < o->triangle[1]; k++)
-        if (!plain_mesh_add_triangle(p->out, (uint32_t)first + corner[k][0], (uint32_t)first + corner[k][1],
-                                     (uint32_t)first + corner[k][2], is_mirrored) ||
-            (p->out->textures && !add_triangle_textures(p, o, number, k)))
+    for (size_t k = o->triangle[0]; k < o->triangle[1]; k++) {
+        uint32_t c[3] = {(uint32_t)first + corner[k][0], (uint32_t)first + corner[k][1],
+                         (uint32_t)first + corner[k][2]};
+        if ((p->out->keeps_values && !add_triangle_values(p, o, number, k, c)) ||
+            !plain_mesh_add_triangle(p->out, c[0], c[1], c[2], is_mirrored))
             return false;
+    }
+    p->group += o->triangle[1] > o->triangle[0];
     return true;
 }
 
@@ -630,7 +643,6 @@ static bool build(package *p)
     const double unit = p->unit, m[3][4] = {{unit}, {0, unit}, {0, 0, unit}};
     for (size_t k = 0; k < p->items.count; k++)
         if (!place(p, 0, ((reference *)p->items.items)[k], m, 0)) return false;
-    p->out->unit = unit;
     return true;
 }
 
@@ -641,7 +653,7 @@ static void warn(package *p)
     if (left > 0)
         plain_mesh_warn(p->out, "%zu of %zu objects are not in the build of the file: they are skipped", left,
                         p->objects.count);
-    if (p->others > 0)
+    if (p->others > 0 && p->out->textures)
         plain_textures_warn(
             p->out,
             "%zu triangles are white: their pid names multiproperties, composite materials or another resource "
@@ -667,9 +679,18 @@ static void free_properties(list *l)
 
 bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out)
 {
-    package p = {.archive = data, .size = size, .out = out, .unit = 1, .colors = MESH_TEXTURES_NONE};
+    package p = {.archive = data,
+                 .size = size,
+                 .out = out,
+                 .unit = 1,
+                 .colors = MESH_TEXTURES_NONE,
+                 .values_of = {plain_mesh_add_values(out, out->textures ? MESH_TEXTURES_TINT : "color",
+                                                     MESH_VALUES_COLOR, 4),
+                               plain_mesh_add_values(out, MESH_TEXTURES_UV, MESH_VALUES_UV, 2),
+                               plain_mesh_add_values(out, MESH_TEXTURES_MATERIAL, MESH_VALUES_WHOLE, 1),
+                               plain_mesh_add_values(out, "group", MESH_VALUES_WHOLE, 1)}};
     size_t root;
-    if (size < 2 || memcmp(data, "PK", 2) != 0) return false;
+    if (size < 2 || memcmp(data, "PK", 2) != 0) return damaged(&p, "it is no ZIP archive");
     const bool ok = read_xml(&p, "_rels/.rels", (xml){.begin = begin_relation}) &&
                     (p.root || damaged(&p, "it refers to no model")) && find_part(&p, p.root, &root) &&
                     build(&p);

@@ -422,7 +422,6 @@ static bool add_triangles(gifti *g)
 static bool add_values(gifti *g, wanted *w)
 {
     const array *a = &w->array;
-    float *to;
     if (a->dimensions < 1 || a->dimensions > 2 || a->side[0] != (double)g->out->vertices || !a->has_type)
         return plain_mesh_refuse(
             g->out, ERROR_INPUT_UNSUPPORTED,
@@ -430,12 +429,18 @@ static bool add_values(gifti *g, wanted *w)
             "points: correct it, or remove it",
             a->number, w->name, g->out->vertices);
     const size_t columns = columns_of(a);
-    if (!plain_mesh_add_values(g->out, w->name, w->kind, columns, &to)) return false;
-    unsigned char *numbers = to ? read_array(g, w) : NULL;
-    for (size_t n = 0; numbers && n < g->out->vertices * columns; n++)
-        to[n] = (float)number_value(number_at(w, numbers, n / columns, n % columns), a->type, a->is_swapped);
+    plain_values *to = plain_mesh_add_values(g->out, w->name, w->kind, columns);
+    if (!to) return true;
+    unsigned char *numbers = read_array(g, w);
+    bool ok = numbers != NULL;
+    for (size_t n = 0; ok && n < g->out->vertices; n++) {
+        double row[MESH_VALUES_COMPONENTS];
+        for (size_t c = 0; c < columns; c++)
+            row[c] = number_value(number_at(w, numbers, n, c), a->type, a->is_swapped);
+        ok = plain_mesh_set_values(g->out, to, n, row);
+    }
     free(numbers);
-    return numbers || !to;
+    return ok;
 }
 
 static bool add_all_values(gifti *g)

@@ -50,11 +50,8 @@ typedef struct gltf {
     list materials, textures, images, samplers;
     uint32_t *image_index; /* per image: its index in the textures; MESH_TEXTURES_NONE: it is not added yet */
     uint32_t
-        *uv_set; /* per material, and last of primitives without one: the set of coordinates of its image */
-    double *uv, *tint; /* of the primitive that is being read, per vertex, or NULL */
-    size_t tint_size;  /* components of tint */
-    uint32_t material; /* of this primitive */
-    bool is_left;      /* the file is left to the library */
+        *uv_set;   /* per material, and last of primitives without one: the set of coordinates of its image */
+    size_t groups; /* number of visited nodes with a mesh */
     plain_mesh *out;
 } gltf;
 
@@ -174,7 +171,7 @@ static bool leave(gltf *g)
         const char *uri = json_string(member(g->buffers.item[k], "uri"), NULL);
         if (is_separate(uri)) return refuse_separate(g, uri);
     }
-    g->is_left = true;
+    g->out->needs_library = true;
     return false;
 }
 
@@ -346,14 +343,21 @@ static double *read_accessor(gltf *g, double index, const char *type, size_t com
         free(values);
         return NULL;
     }
-    if (values && e.type == 5125 && components == 3) {
-        damaged(g, "wrong componentType of positions in accessor", number);
-        free(values);
+    *count = e.count;
+    return values;
+}
+
+/* Reads positions. The caller frees them. NULL: the file is refused. */
+static double *read_positions(gltf *g, double index, size_t *count)
+{
+    const json *node = item_at(&g->accessors, index);
+    const double type = node ? json_number(member(node, "componentType"), 0) : 0;
+    if (type == 5125) {
+        damaged(g, "wrong componentType of positions in accessor", (size_t)index);
         return NULL;
     }
-    if (values && e.type == 5126 && components == 3) check_bounds(g, node, number, values, e.count);
-    if (e.type != 5126 && components == 3) g->out->is_quantised = true;
-    *count = e.count;
+    double *values = read_accessor(g, index, "VEC3", 3, count);
+    if (values && type == 5126) check_bounds(g, node, (size_t)index, values, *count);
     return values;
 }
 
@@ -380,45 +384,6 @@ static void corners_of(int mode, size_t n, size_t out[3])
     out[2] = mode == TRIANGLES ? 3 * n + 2 : mode == TRIANGLE_FAN || n % 2 == 0 ? n + 2 : n + 1;
 }
 
-/* Adds the texture coordinates and colours of the corners of a triangle. */
-static bool add_corners(gltf *g, const uint32_t corner[3], size_t first)
-{
-    double uv[3][2] = {{0}};
-    float color[3][4];
-    for (int k = 0; k < 3; k++) {
-        const size_t vertex = corner[k] - first;
-        if (g->uv) memcpy(uv[k], g->uv + 2 * vertex, sizeof uv[k]);
-        for (size_t c = 0; c < 4; c++)
-            color[k][c] = g->tint && c < g->tint_size ? (float)g->tint[g->tint_size * vertex + c] : 1;
-    }
-    return plain_textures_add_polygon(g->out, g->material, g->uv ? (const double(*)[2])uv : NULL,
-                                      g->tint ? (const float(*)[4])color : NULL, 3);
-}
-
-/* Reads the texture coordinates and the colours of a primitive with `vertices` vertices. False: the file is
- * refused. */
-static bool read_texture_vertices(gltf *g, const json *primitive, size_t vertices)
-{
-    const double of = json_number(member(primitive, "material"), -1);
-    const bool has_material = item_at(&g->materials, of) != NULL;
-    json_at attributes = member(primitive, "attributes");
-    char name[32];
-    size_t count = vertices;
-    const size_t material = has_material ? (size_t)of : g->materials.count;
-    g->material = g->materials.count > 0 ? (uint32_t)material : MESH_TEXTURES_NONE;
-    snprintf(name, sizeof name, "TEXCOORD_%u", g->uv_set[material]);
-    const double uv = json_number(json_member(&attributes, name), -1),
-                 tint = json_number(json_member(&attributes, "COLOR_0"), -1);
-    if (uv >= 0 && !(g->uv = read_accessor(g, uv, "VEC2", 2, &count))) return false;
-    if (count != vertices) return damaged(g, "wrong count of texture coordinates in accessor", (size_t)uv);
-    const json *node = item_at(&g->accessors, tint);
-    g->tint_size = node && strcmp(json_string(member(node, "type"), ""), "VEC4") == 0 ? 4 : 3;
-    if (tint >= 0 &&
-        !(g->tint = read_accessor(g, tint, g->tint_size == 4 ? "VEC4" : "VEC3", g->tint_size, &count)))
-        return false;
-    return count == vertices || damaged(g, "wrong count of colours in accessor", (size_t)tint);
-}
-
 /* Adds the triangles of a primitive. index NULL: corner k is vertex k. */
 static bool add_triangles(gltf *g, int mode, const double *index, size_t corners, size_t first,
                           bool is_mirrored)
@@ -437,7 +402,6 @@ static bool add_triangles(gltf *g, int mode, const double *index, size_t corners
         }
         if (!plain_mesh_add_triangle(g->out, corner[0], corner[1], corner[2], is_mirrored))
             return no_memory(g);
-        if (g->out->textures && !add_corners(g, corner, first)) return false;
     }
     return true;
 }
@@ -448,6 +412,83 @@ static bool add_vertices(gltf *g, const double *position, size_t count, const do
         const vec3 at = affine_apply(m, position[3 * k], position[3 * k + 1], position[3 * k + 2]);
         if (!plain_mesh_add_vertex(g->out, (const double[3]){at.x, at.y, at.z})) return no_memory(g);
     }
+    return true;
+}
+
+/* Sets values of the vertices from `first` on to the numbers of an accessor. Normals are transformed by the cofactor
+ * matrix of m. Unless textures are read, colours are converted from linear light to sRGB, and coordinates to v upwards. */
+static bool add_values(gltf *g, double accessor, const char *name, mesh_values_kind kind, size_t first,
+                       const double m[3][4])
+{
+    const json *node = item_at(&g->accessors, accessor);
+    const char *type = kind == MESH_VALUES_UV ? "VEC2" : "VEC3";
+    if (kind == MESH_VALUES_COLOR && node && strcmp(json_string(member(node, "type"), ""), "VEC4") == 0)
+        type = "VEC4";
+    const size_t components = (size_t)(type[3] - '0'), vertices = g->out->vertices - first;
+    size_t count = 0;
+    double *number = read_accessor(g, accessor, type, components, &count);
+    if (!number) return false;
+    const vec3 row[3] = {
+        {m[0][0], m[0][1], m[0][2]}, {m[1][0], m[1][1], m[1][2]}, {m[2][0], m[2][1], m[2][2]}};
+    plain_values *v = plain_mesh_find_values(g->out, name, kind, kind == MESH_VALUES_COLOR ? 4 : components);
+    bool ok = count == vertices || damaged(g, "wrong count of values in accessor", (size_t)accessor);
+    for (size_t k = 0; ok && k < vertices; k++) {
+        const double *from = number + components * k;
+        double value[4] = {from[0], from[1], components > 2 ? from[2] : 0, components > 3 ? from[3] : 1};
+        if (kind == MESH_VALUES_UV && !g->out->textures) value[1] = 1 - value[1];
+        for (int c = 0; kind == MESH_VALUES_COLOR && !g->out->textures && c < 3; c++)
+            value[c] = mesh_textures_encode(value[c]);
+        for (int c = 0; kind == MESH_VALUES_NORMAL && c < 3; c++)
+            value[c] =
+                vec3_dot(vec3_cross(row[(c + 1) % 3], row[(c + 2) % 3]), (vec3){from[0], from[1], from[2]});
+        ok = plain_mesh_set_values(g->out, v, first + k, value);
+    }
+    free(number);
+    return ok;
+}
+
+/* Adds values of the vertices, if the primitive has the attribute. */
+static bool add_attribute(gltf *g, const json *primitive, const char *attribute, const char *name,
+                          mesh_values_kind kind, size_t first, const double m[3][4])
+{
+    json_at attributes = member(primitive, "attributes");
+    const double accessor = json_number(json_member(&attributes, attribute), -1);
+    return accessor < 0 || add_values(g, accessor, name, kind, first, m);
+}
+
+/* Adds the values of the vertices of a primitive, which begin at `first`. */
+static bool add_all_values(gltf *g, const json *primitive, size_t first, const double m[3][4])
+{
+    enum { SETS_MOST = 8 };
+    static const struct {
+        const char *attribute, *name;
+        mesh_values_kind kind;
+        int sets; /* most sets, which are numbered; 0: there is one, without a number */
+    } kinds[] = {{"COLOR_", "color", MESH_VALUES_COLOR, SETS_MOST},
+                 {"TEXCOORD_", "uv", MESH_VALUES_UV, SETS_MOST},
+                 {"NORMAL", "normal", MESH_VALUES_NORMAL, 0}};
+    const double of = json_number(member(primitive, "material"), -1),
+                 material = item_at(&g->materials, of) ? of : (double)g->materials.count,
+                 group = (double)g->groups;
+    char attribute[32], name[16];
+    if (g->out->textures) {
+        snprintf(attribute, sizeof attribute, "TEXCOORD_%u", g->uv_set[(size_t)material]);
+        if (!add_attribute(g, primitive, attribute, MESH_TEXTURES_UV, MESH_VALUES_UV, first, m) ||
+            !add_attribute(g, primitive, "COLOR_0", MESH_TEXTURES_TINT, MESH_VALUES_COLOR, first, m))
+            return false;
+    }
+    for (size_t k = 0; !g->out->textures && k < sizeof kinds / sizeof *kinds; k++)
+        for (int set = 0; set == 0 || set < kinds[k].sets; set++) {
+            snprintf(attribute, sizeof attribute, kinds[k].sets > 0 ? "%s%d" : "%s", kinds[k].attribute, set);
+            snprintf(name, sizeof name, set > 0 ? "%s%d" : "%s", kinds[k].name, set);
+            if (!add_attribute(g, primitive, attribute, name, kinds[k].kind, first, m)) return false;
+        }
+    plain_values *materials = plain_mesh_find_values(g->out, "material", MESH_VALUES_WHOLE, 1),
+                 *groups = plain_mesh_find_values(g->out, "group", MESH_VALUES_WHOLE, 1);
+    for (size_t k = first; k < g->out->vertices; k++)
+        if (!plain_mesh_set_values(g->out, materials, k, &material) ||
+            !plain_mesh_set_values(g->out, groups, k, &group))
+            return false;
     return true;
 }
 
@@ -473,20 +514,17 @@ static bool add_primitive(gltf *g, const json *primitive, const double m[3][4])
     if (places < 0) return true; /* no positions: the primitive is not drawn */
     size_t vertices = 0, corners = 0;
     const size_t first = g->out->vertices;
-    double *position = read_accessor(g, places, "VEC3", 3, &vertices),
+    double *position = read_positions(g, places, &vertices),
            *index = position && of >= 0 ? read_indices(g, of, &corners) : NULL;
     bool ok = position && (index || of < 0);
     vec3 axis[3];
     for (int k = 0; k < 3; k++) axis[k] = affine_axis(m, k);
-    ok = ok && (!g->out->textures || read_texture_vertices(g, primitive, vertices)) &&
-         add_vertices(g, position, vertices, m) &&
+    ok = ok && add_vertices(g, position, vertices, m) &&
+         (!g->out->keeps_values || add_all_values(g, primitive, first, m)) &&
          add_triangles(g, (int)mode, index, index ? corners : vertices, first,
                        vec3_dot(vec3_cross(axis[0], axis[1]), axis[2]) < 0);
     free(position);
     free(index);
-    free(g->uv);
-    free(g->tint);
-    g->uv = g->tint = NULL;
     return ok;
 }
 
@@ -517,6 +555,7 @@ static bool add_mesh(gltf *g, const json *node, double index, const double m[3][
     if (json_number(member(node, "skin"), -1) >= 0) m = no_transform;
     for (json_at primitive = json_first(&primitives); primitive.node; primitive = json_next(&primitive))
         if (!add_primitive(g, primitive.node, m)) return false;
+    g->groups++;
     return true;
 }
 
@@ -581,7 +620,6 @@ static bool visit(gltf *g, double index, const double to_world[3][4], int depth)
     if (!node || depth > DEEPEST_NODE || g->visited++ >= g->nodes.count)
         return damaged(g, "its nodes are not a tree, at node", node ? (size_t)index : 0);
     if (!is_visible(node)) {
-        g->out->has_hidden_nodes = true;
         g->hidden++;
         return true;
     }
@@ -790,8 +828,8 @@ static bool read_materials(gltf *g)
 {
     const mesh_material last = plain_material();
     uint32_t unused;
-    if (!list_items(g, "materials", &g->materials) || !list_items(g, "textures", &g->textures) ||
-        !list_items(g, "images", &g->images) || !list_items(g, "samplers", &g->samplers))
+    if (!list_items(g, "textures", &g->textures) || !list_items(g, "images", &g->images) ||
+        !list_items(g, "samplers", &g->samplers))
         return false;
     g->image_index = malloc((g->images.count + 1) * sizeof *g->image_index);
     g->uv_set = calloc(g->materials.count + 1, sizeof *g->uv_set);
@@ -909,7 +947,7 @@ static bool read_document(gltf *g)
 {
     bool ok = check_document(g) && list_items(g, "nodes", &g->nodes) && list_items(g, "meshes", &g->meshes) &&
               list_items(g, "accessors", &g->accessors) && list_items(g, "bufferViews", &g->views) &&
-              list_items(g, "buffers", &g->buffers);
+              list_items(g, "buffers", &g->buffers) && list_items(g, "materials", &g->materials);
     if (ok) {
         g->loaded = calloc(g->buffers.count + 1, sizeof *g->loaded);
         g->is_in_scene = calloc(g->meshes.count + 1, sizeof *g->is_in_scene);
@@ -941,14 +979,14 @@ static uint32_t word_at(const char *at)
     return le32toh(bits);
 }
 
-/* Finds the two parts of a binary file. False: the file is not binary, or is damaged. */
+/* Finds the two parts of a binary file. False: the file is refused. */
 static bool split(const char *data, size_t size, const char **text, size_t *length, gltf *g)
 {
-    if (size < HEAD + CHUNK_HEAD || word_at(data + 4) != 2 || word_at(data + HEAD + 4) != CHUNK_JSON)
-        return false;
+    if (size < HEAD + CHUNK_HEAD || word_at(data + 4) != 2 || word_at(data + HEAD + 4) != CHUNK_JSON ||
+        word_at(data + HEAD) > size - HEAD - CHUNK_HEAD)
+        return damaged(g, "its header or its first chunk is wrong, at byte", size < HEAD ? size : HEAD);
     *text = data + HEAD + CHUNK_HEAD;
     *length = word_at(data + HEAD);
-    if (*length > size - HEAD - CHUNK_HEAD) return false;
     const char *bin = *text + *length;
     const size_t left = size - (size_t)(bin - data);
     if (left < CHUNK_HEAD || word_at(bin + 4) != CHUNK_BIN) return true;
@@ -972,5 +1010,5 @@ bool plain_mesh_read_gltf(const char *data, size_t size, plain_mesh *out)
     if (!g.root) return plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "its JSON is damaged: %.300s", e.message);
     const bool ok = read_document(&g);
     json_free(g.root);
-    return ok && !g.is_left;
+    return ok;
 }

@@ -117,117 +117,82 @@ bool plain_mesh_number(const char **at, double *out)
     return true;
 }
 
-typedef struct mesh_format {
-    bool (*read)(const char *data, size_t size, plain_mesh *out);
-    bool is_final;       /* a file without triangles is accepted: nothing is left to the library */
-    bool is_only_reader; /* the library does not read such files */
-    bool has_values;     /* values of the vertices are read */
-} mesh_format;
+typedef bool format_reader(const char *data, size_t size, plain_mesh *out);
 
-static const mesh_format readers[FILE_FORMATS] = {
-    [FILE_FORMAT_OBJ] = {plain_mesh_read_obj, true, true},
-    [FILE_FORMAT_PLY] = {plain_mesh_read_ply, true, true},
-    [FILE_FORMAT_STL] = {plain_mesh_read_stl, true, true},
-    [FILE_FORMAT_OFF] = {plain_mesh_read_off, false, true},
-    [FILE_FORMAT_GLTF] = {plain_mesh_read_gltf, true, false},
-    [FILE_FORMAT_3MF] = {plain_mesh_read_3mf, true, false},
-    [FILE_FORMAT_VTK] = {plain_mesh_read_vtk, true, true, true},
-    [FILE_FORMAT_VTP] = {plain_mesh_read_vtp, true, true, true},
-    [FILE_FORMAT_GIFTI] = {plain_mesh_read_gifti, true, true, true},
-    [FILE_FORMAT_NPZ] = {plain_mesh_read_npz, true, true}};
+static format_reader *const readers[FILE_FORMATS] = {
+    [FILE_FORMAT_OBJ] = plain_mesh_read_obj,     [FILE_FORMAT_PLY] = plain_mesh_read_ply,
+    [FILE_FORMAT_STL] = plain_mesh_read_stl,     [FILE_FORMAT_OFF] = plain_mesh_read_off,
+    [FILE_FORMAT_GLTF] = plain_mesh_read_gltf,   [FILE_FORMAT_3MF] = plain_mesh_read_3mf,
+    [FILE_FORMAT_VTK] = plain_mesh_read_vtk,     [FILE_FORMAT_VTP] = plain_mesh_read_vtp,
+    [FILE_FORMAT_GIFTI] = plain_mesh_read_gifti, [FILE_FORMAT_NPZ] = plain_mesh_read_npz};
 
 bool plain_mesh_reads(file_format format)
 {
-    return readers[format].read != NULL;
+    return readers[format] != NULL;
 }
 
-bool plain_mesh_is_only_reader(const char *ending)
+bool plain_mesh_reads_textures(file_format format)
 {
-    return readers[file_format_of_name(ending)].is_only_reader;
-}
-
-bool plain_mesh_reads_values(const char *ending)
-{
-    return readers[file_format_of_name(ending)].has_values;
-}
-
-static int compare_unusable(const void *key, const void *item)
-{
-    const uint32_t vertex = *(const uint32_t *)key, other = ((const plain_mesh_unusable *)item)->vertex;
-    return (vertex > other) - (vertex < other);
+    return format == FILE_FORMAT_OBJ || format == FILE_FORMAT_PLY || format == FILE_FORMAT_GLTF ||
+           format == FILE_FORMAT_3MF;
 }
 
 /* Refuses the file if a triangle has a vertex that is not usable and whose place is known. */
 static bool check_vertices(const char *format, const char *data, plain_mesh *m)
 {
     for (size_t n = 0; n < 3 * m->triangles && m->unusables > 0; n++) {
-        const plain_mesh_unusable *found = bsearch(&m->triangle[n / 3][n % 3], m->unusable, m->unusables,
-                                                   sizeof *m->unusable, compare_unusable);
-        if (found)
+        const char *at = plain_mesh_unusable_at(m, m->triangle[n / 3][n % 3]);
+        if (at)
             return plain_mesh_refuse_at(
-                m, data, found->at,
+                m, data, at,
                 "of the %s file is a vertex with a coordinate that is not finite or exceeds %g. Repair the mesh.",
                 format, MESH_CHECK_LARGEST);
     }
     return true;
 }
 
-/* Members of *out that begin with `keeps`, and textures, are set by the caller. */
-static bool read_as(const char *ending, const char *data, size_t size, plain_mesh *out)
+/* Finds whether anything but white space and zeros follows the declared content. */
+static void find_rest(const char *data, size_t size, plain_mesh *m)
 {
-    const file_format named = file_format_of_name(ending);
-    const mesh_format *format = &readers[named];
-    const size_t mark = strncmp(data, "\xEF\xBB\xBF", 3) == 0 &&
-                                (named != FILE_FORMAT_STL || strncmp(data + 3, "solid", 5) == 0)
-                            ? 3
-                            : 0; /* of UTF-8 */
-    data += mark;
-    size -= mark;
-    if (format->read && format->read(data, size, out) &&
-        check_vertices(file_formats[named].name, data, out) && (out->triangles > 0 || format->is_final))
+    size_t at = m->end ? (size_t)(m->end - data) : size;
+    while (at < size && (!data[at] || strchr(" \t\n\v\f\r", data[at]))) at++;
+    if (at < size) m->rest = (size_t)(m->end - data);
+}
+
+bool plain_mesh_complete_values(plain_mesh *m)
+{
+    static const double none[MESH_VALUES_COMPONENTS] = {(double)NAN, (double)NAN, (double)NAN, (double)NAN};
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < m->value_arrays; k++) {
+        plain_values *v = &m->values[k];
+        if (v->count > 0 && v->count < m->vertices && !plain_mesh_set_values(m, v, m->vertices - 1, none))
+            return false;
+    }
+    for (uint32_t k = 0; k < m->value_arrays; k++)
+        if (m->values[k].count > 0) m->values[count++] = m->values[k];
+    m->value_arrays = count;
+    return true;
+}
+
+bool plain_mesh_read(file_format format, const char *data, size_t size, plain_mesh *out)
+{
+    const bool has_mark = strncmp(data, "\xEF\xBB\xBF", 3) == 0 && /* of UTF-8 */
+                          (format != FILE_FORMAT_STL || strncmp(data + 3, "solid", 5) == 0);
+    const char *text = data + (has_mark ? 3 : 0);
+    if (readers[format](text, size - (size_t)(text - data), out) &&
+        check_vertices(file_formats[format].name, text, out) && plain_mesh_complete_values(out)) {
+        find_rest(data, size, out);
         return true;
-    if (format->is_only_reader)
+    }
+    if (!out->needs_library)
         plain_mesh_refuse(out, ERROR_INPUT_DAMAGED, "the file is damaged. Save it again.");
-    if (out->refused == ERROR_NONE) out->text[0] = 0;
     plain_mesh left = {.refused = out->refused,
-                       .unit = out->unit,
-                       .is_quantised = out->is_quantised,
+                       .needs_library = out->needs_library,
+                       .keeps_polygons = out->keeps_polygons,
+                       .keeps_values = out->keeps_values,
                        .textures = out->textures};
-    memcpy(left.text, out->text, sizeof left.text);
+    if (out->refused != ERROR_NONE) memcpy(left.text, out->text, sizeof left.text);
     plain_mesh_free(out);
     *out = left;
     return false;
-}
-
-bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out)
-{
-    *out = (plain_mesh){0};
-    return read_as(ending, data, size, out);
-}
-
-bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out)
-{
-    *out = (plain_mesh){.keeps_polygons = true};
-    return read_as(ending, data, size, out);
-}
-
-bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out)
-{
-    *out = (plain_mesh){.keeps_values = true};
-    return read_as(ending, data, size, out);
-}
-
-bool plain_mesh_reads_textures(const char *ending)
-{
-    const file_format format = file_format_of_name(ending);
-    return format == FILE_FORMAT_OBJ || format == FILE_FORMAT_PLY || format == FILE_FORMAT_GLTF ||
-           format == FILE_FORMAT_3MF;
-}
-
-bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
-                              plain_mesh *out)
-{
-    *textures = (plain_textures){0};
-    *out = (plain_mesh){.keeps_polygons = true, .textures = textures};
-    return read_as(ending, data, size, out);
 }

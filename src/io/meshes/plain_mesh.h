@@ -2,9 +2,9 @@
 /* plain_mesh: OBJ, PLY, STL, VTK, GIfTI, OFF, glTF and 3MF files, and points of NPZ files, read without a
  * library, in the precision that they have.
  *
- * A reader reads a whole file, or refuses it with a message that gives the place. glTF and 3MF have a third
- * result: a file with contents that are not supported here is left to the library assimp
- * (mesh_reader.h). Runs in the process that reads. Threads: none.
+ * A reader reads a whole file, or refuses it with a message that gives the place. glTF has a third result: a
+ * mesh that is compressed with Draco is left to the library assimp (library_mesh.h). Runs in the process that
+ * reads. Threads: none.
  */
 #ifndef HEXAD_IO_MESHES_PLAIN_MESH_H
 #define HEXAD_IO_MESHES_PLAIN_MESH_H
@@ -25,7 +25,8 @@ typedef struct plain_textures plain_textures;
 /* An array of values of the vertices. */
 typedef struct plain_values {
     mesh_reader_values head;
-    float *value; /* head.components numbers for each vertex, vertex by vertex */
+    double *value;      /* head.components numbers for each vertex, vertex by vertex */
+    size_t count, room; /* number of vertices that have their values; capacity, in vertices */
 } plain_values;
 
 typedef struct plain_mesh_unusable {
@@ -46,53 +47,34 @@ typedef struct plain_mesh {
     size_t unusables, unusable_room;
     error_code refused;              /* ERROR_NONE: the file is not refused */
     char text[MESH_READER_TEXT_MAX]; /* of a refused file: the message; otherwise warnings, one a line */
-    /* 3MF: factor that converts the coordinates of the file to millimetres; 0: there is none. `vertex` has
-     * been multiplied already; if the library reads the file, the caller multiplies. */
-    double unit;
-    bool is_binary;        /* places in messages are bytes, not lines */
-    bool is_quantised;     /* glTF: the coordinates are integers, which the library does not read */
-    bool has_hidden_nodes; /* nodes that are not in `vertex`, and that the library places */
-    bool keeps_polygons;   /* the polygons of the file are kept, in addition to the triangles */
+    bool is_binary;                  /* places in messages are bytes, not lines */
+    const char *end;                 /* behind the content that the file declares; NULL: it declares none */
+    size_t rest;                     /* offset of other data behind it; 0: there are none */
+    bool needs_library;              /* the file is not refused, but left to the library */
+    bool keeps_polygons;             /* the polygons of the file are kept, in addition to the triangles */
     size_t polygons, polygon_corners;
     uint32_t *polygon_size;   /* number of corners of each polygon, in the order of the file */
     uint32_t *polygon_corner; /* vertices of the corners, polygon after polygon */
     size_t polygon_room, polygon_corner_room;
-    bool keeps_values; /* values of the vertices are kept, by readers for which plain_mesh_reads_values */
+    /* Values of the vertices are kept. What a file has for each corner of a polygon, such as texture coordinates
+     * of OBJ, is that of a vertex of its own for each corner. */
+    bool keeps_values;
     plain_values values[MESH_VALUES_MOST];
     uint32_t value_arrays;
-    plain_textures *textures; /* of the polygons (plain_textures.h), owned by the caller; NULL: not wanted */
+    plain_textures
+        *textures; /* materials and images (plain_textures.h), owned by the caller; NULL: not wanted */
 } plain_mesh;
 
-/* Reads a file with the reader for `ending`, the extension of its name (any case). data[size] is 0. *out
- * need not be initialised. After success free it with plain_mesh_free. False: *out has no arrays, and there
- * is nothing to free; out->refused is the error, or ERROR_NONE if the file is left to the library. Formats
- * that only this reader reads (plain_mesh_is_only_reader) are never left to the library. */
-bool plain_mesh_read(const char *ending, const char *data, size_t size, plain_mesh *out);
+/* Reads a file of a format that plain_mesh_reads. data[size] is 0. Of *out the members keeps_polygons, keeps_values
+ * and textures are set; the others are zero. After success free it with plain_mesh_free. False: *out has no arrays,
+ * and there is nothing to free; out->needs_library, or out->refused is the error. Textures: of OBJ, PLY, glTF and
+ * 3MF, with keeps_values, of which those of mesh_textures.h are kept alone; free textures->all with mesh_textures_free
+ * in any case. */
+bool plain_mesh_read(file_format format, const char *data, size_t size, plain_mesh *out);
 
-/* As plain_mesh_read, and keeps the polygons. */
-bool plain_mesh_read_polygons(const char *ending, const char *data, size_t size, plain_mesh *out);
-
-/* As plain_mesh_read, and keeps the values of the vertices. Requires plain_mesh_reads_values. */
-bool plain_mesh_read_values(const char *ending, const char *data, size_t size, plain_mesh *out);
-
-/* Whether this module reads the values of the vertices of files with this extension: VTK and GIfTI. */
-bool plain_mesh_reads_values(const char *ending);
-
-/* As plain_mesh_read_polygons, and reads the textures of OBJ, PLY, glTF and 3MF to *textures, which need not be
- * initialised. Free textures->all with mesh_textures_free in any case. */
-bool plain_mesh_read_textures(const char *ending, const char *data, size_t size, plain_textures *textures,
-                              plain_mesh *out);
-
-/* Whether this module reads the textures of files with this extension. */
-bool plain_mesh_reads_textures(const char *ending);
-
-/* Whether this module reads the format. */
+/* Whether this module reads the format, and the textures of its files. */
 bool plain_mesh_reads(file_format format);
-
-/* Whether only this module reads the mesh of files with this extension: OBJ, PLY, STL, OFF, VTK (.vtk,
- * .vtp), GIfTI and NPZ. (Attributes of the vertices of OBJ, PLY, STL and OFF files are read by the library, see
- * mesh_file_read_values.) */
-bool plain_mesh_is_only_reader(const char *ending);
+bool plain_mesh_reads_textures(file_format format);
 
 void plain_mesh_free(plain_mesh *m);
 
@@ -108,7 +90,6 @@ bool plain_mesh_read_3mf(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_vtk(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_gifti(const char *data, size_t size, plain_mesh *out);
 bool plain_mesh_read_npz(const char *data, size_t size, plain_mesh *out); /* points without triangles */
-/* also a legacy VTK file whose name ends in .vtp */
 bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out);
 
 /* ---- functions for these readers */
@@ -160,11 +141,27 @@ bool plain_mesh_add_polygon(plain_mesh *m, const uint32_t *corner, size_t corner
  * transformation mirrors). */
 bool plain_mesh_add_triangle(plain_mesh *m, uint32_t a, uint32_t b, uint32_t c, bool is_mirrored);
 
-/* Adds an array of values of all vertices that have been read. *out: its numbers, initially 0, to be set by the
- * caller; NULL if the array is not kept, because it has 0 or more than MESH_VALUES_COMPONENTS components, or because
- * there are MESH_VALUES_MOST arrays. False: memory is out. */
-bool plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind, size_t components,
-                           float **out);
+/* Adds an array of values. NULL: it is not kept, because values are not, because it has 0 or more than
+ * MESH_VALUES_COMPONENTS components, or because there are MESH_VALUES_MOST arrays. */
+plain_values *plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind,
+                                    size_t components);
+
+/* The array of this name, which is added if there is none. */
+plain_values *plain_mesh_find_values(plain_mesh *m, const char *name, mesh_values_kind kind,
+                                     size_t components);
+
+/* Drops arrays of values that no vertex has, and completes the others. To be called after the last vertex. */
+bool plain_mesh_complete_values(plain_mesh *m);
+
+/* The place of a vertex that is not usable, as vertex_at was; NULL: it is usable, or its place is not known. */
+const char *plain_mesh_unusable_at(const plain_mesh *m, uint32_t vertex);
+
+/* Adds a copy of a vertex, with its values. */
+bool plain_mesh_copy_vertex(plain_mesh *m, uint32_t vertex);
+
+/* Sets the values of a vertex. Vertices before it without values have NaN. `v` NULL: nothing is done. False: memory
+ * is out. */
+bool plain_mesh_set_values(plain_mesh *m, plain_values *v, size_t vertex, const double *value);
 
 /* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may
  * precede it; a blank, an end of a line or the end of the text must follow it. Correctly rounded. False:

@@ -2,6 +2,7 @@
 /* The arrays of a mesh that is being read, and its refusal: what the readers of all formats call. */
 #include "io/meshes/plain_mesh.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 #include <unistd.h>
 
 #include "io/meshes/mesh_check.h"
+#include "io/meshes/mesh_textures.h"
 #include "io/meshes/polygon.h"
 
 /* Arrays of at least this size, in bytes, use pages of 2 MiB: faults of 4 KiB pages would take longer than
@@ -194,19 +196,70 @@ void plain_mesh_warn(plain_mesh *m, const char *format, ...)
     va_end(arguments);
 }
 
-bool plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind, size_t components,
-                           float **out)
+/* Whether an array belongs to the textures of a mesh (mesh_textures.h). */
+static bool is_of_textures(const char *name)
 {
-    *out = NULL;
-    if (components == 0 || components > MESH_VALUES_COMPONENTS || m->value_arrays == MESH_VALUES_MOST)
-        return true;
-    plain_values *v = &m->values[m->value_arrays];
-    if (!(v->value = calloc(m->vertices + 1, components * sizeof *v->value)))
-        return plain_mesh_refuse_memory(m);
-    v->head = (mesh_reader_values){.kind = kind, .components = (uint32_t)components};
+    return strcmp(name, MESH_TEXTURES_UV) == 0 || strcmp(name, MESH_TEXTURES_MATERIAL) == 0 ||
+           strcmp(name, MESH_TEXTURES_TINT) == 0;
+}
+
+plain_values *plain_mesh_add_values(plain_mesh *m, const char *name, mesh_values_kind kind, size_t components)
+{
+    if (!m->keeps_values || components == 0 || components > MESH_VALUES_COMPONENTS ||
+        m->value_arrays == MESH_VALUES_MOST || (m->textures && !is_of_textures(name)))
+        return NULL;
+    plain_values *v = &m->values[m->value_arrays++];
+    *v = (plain_values){.head = {.kind = kind, .components = (uint32_t)components}};
     snprintf(v->head.name, sizeof v->head.name, "%s", name);
-    m->value_arrays++;
-    *out = v->value;
+    return v;
+}
+
+plain_values *plain_mesh_find_values(plain_mesh *m, const char *name, mesh_values_kind kind,
+                                     size_t components)
+{
+    for (uint32_t k = 0; k < m->value_arrays; k++)
+        if (strcmp(m->values[k].head.name, name) == 0 && m->values[k].head.components == components)
+            return &m->values[k];
+    return plain_mesh_add_values(m, name, kind, components);
+}
+
+bool plain_mesh_set_values(plain_mesh *m, plain_values *v, size_t vertex, const double *value)
+{
+    if (!v) return true;
+    const size_t width = v->head.components, end = vertex + 1 > v->count ? vertex + 1 : v->count;
+    if (!plain_mesh_make_room(m, (void **)&v->value, &v->room, end, width * sizeof *v->value)) return false;
+    for (size_t k = width * v->count; k < width * vertex; k++) v->value[k] = (double)NAN;
+    memcpy(v->value + width * vertex, value, width * sizeof *value);
+    v->count = end;
+    return true;
+}
+
+static int compare_unusable(const void *key, const void *item)
+{
+    const uint32_t vertex = *(const uint32_t *)key, other = ((const plain_mesh_unusable *)item)->vertex;
+    return (vertex > other) - (vertex < other);
+}
+
+const char *plain_mesh_unusable_at(const plain_mesh *m, uint32_t vertex)
+{
+    const plain_mesh_unusable *found =
+        m->unusables > 0 ? bsearch(&vertex, m->unusable, m->unusables, sizeof *m->unusable, compare_unusable)
+                         : NULL;
+    return found ? found->at : NULL;
+}
+
+bool plain_mesh_copy_vertex(plain_mesh *m, uint32_t vertex)
+{
+    const double at[3] = {m->vertex[vertex][0], m->vertex[vertex][1], m->vertex[vertex][2]};
+    double value[MESH_VALUES_COMPONENTS];
+    m->vertex_at = plain_mesh_unusable_at(m, vertex);
+    if (!plain_mesh_add_vertex(m, at)) return false;
+    for (uint32_t k = 0; k < m->value_arrays; k++) {
+        plain_values *v = &m->values[k];
+        if (v->count <= vertex) continue;
+        memcpy(value, v->value + (size_t)vertex * v->head.components, v->head.components * sizeof *value);
+        if (!plain_mesh_set_values(m, v, m->vertices - 1, value)) return false;
+    }
     return true;
 }
 

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-/* Wavefront OBJ: the lines v and f, and if textures are read vt, usemtl and mtllib. Normals and groups do not
- * change the shape. Free-form curves and surfaces, and lines that begin with an unknown word, are skipped with a
- * warning. */
+/* Wavefront OBJ: the lines v and f; if textures are read, vt, usemtl and mtllib; if values are kept, vt, vn, usemtl,
+ * o and g. Free-form curves and surfaces, and lines that begin with an unknown word, are skipped with a warning. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "io/meshes/plain_textures.h"
+
+/* Names, in the order of their first use. */
+typedef struct obj_names {
+    char **name;
+    size_t count, room;
+} obj_names;
 
 typedef struct obj_facts {
     const char *text;  /* the text of the file, before continued lines are joined */
@@ -17,13 +22,17 @@ typedef struct obj_facts {
     size_t empty;      /* faces without corners */
     size_t words;      /* number of unknown words */
     char unknown[32];  /* the first unknown word */
-    /* if textures are read */
-    double (*uv)[2]; /* of the lines vt */
-    size_t uvs, uv_room;
-    double (*corner)[2]; /* of the corners of a face */
-    size_t corner_room;
-    uint32_t material; /* of the last usemtl */
+    /* if values are kept: what the lines have, as vertices or numbers; each corner of a face becomes a vertex */
+    uint32_t *vertex;
+    double (*uv)[2], (*normal)[3];
+    size_t vertices, uvs, normals, vertex_room, uv_room, normal_room;
+    obj_names used, groups; /* materials, and groups or objects */
+    char *group;            /* the last one; NULL: none */
+    double material;        /* of the last usemtl: of textures its index, or -1; otherwise from 1, or 0 */
+    plain_values *values_of[5];
 } obj_facts;
+
+enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL, OF_GROUP };
 
 /* Whether c ends a line, or its part before a comment. */
 static bool is_end(char c)
@@ -43,7 +52,7 @@ static const char *skip_blanks(const char *at)
 static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     const char *line = *at;
-    double number[7];
+    double number[7] = {0, 0, 0, 0, 0, 0, 1};
     size_t count = 0;
     for (*at = skip_blanks(*at); !is_end(**at) && count < 7 && plain_mesh_number(at, &number[count]);
          *at = skip_blanks(*at))
@@ -65,33 +74,72 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
     }
     facts->cut += has_word;
     out->vertex_at = facts->text + (line - data);
-    return plain_mesh_add_vertex(out, number);
+    if (!plain_mesh_add_vertex(out, number)) return false;
+    facts->vertices++;
+    if (!out->keeps_values) return true;
+    if (!plain_mesh_make_room(out, (void **)&facts->vertex, &facts->vertex_room, facts->vertices,
+                              sizeof *facts->vertex))
+        return false;
+    facts->vertex[facts->vertices - 1] = (uint32_t)(out->vertices - 1);
+    return count < 6 || plain_mesh_set_values(out, facts->values_of[OF_COLOR], out->vertices - 1, number + 3);
 }
 
-/* Reads the line vt: u and v; without v it is 0. */
-static bool read_coordinates(const char **at, obj_facts *facts, plain_mesh *out)
+/* Reads the numbers of a line vt or vn to the item that is added to a list. Those that are absent are 0. */
+static bool read_numbers(const char *at, int numbers, void **list, size_t *count, size_t *room,
+                         plain_mesh *out)
 {
-    double number[2] = {0, 0};
-    if (!plain_mesh_make_room(out, (void **)&facts->uv, &facts->uv_room, facts->uvs + 1, sizeof *facts->uv))
-        return false;
-    for (int k = 0; k < 2 && plain_mesh_number(at, &number[k]); k++) {
+    double number[3] = {0, 0, 0};
+    const size_t size = (size_t)numbers * sizeof *number;
+    if (!plain_mesh_make_room(out, list, room, *count + 1, size)) return false;
+    for (int k = 0; k < numbers && plain_mesh_number(&at, &number[k]); k++) {
     }
-    memcpy(facts->uv[facts->uvs++], number, sizeof number);
+    memcpy((char *)*list + size * (*count)++, number, size);
     return true;
 }
 
-/* Keeps the texture coordinates of corner k of a face, whose word begins at `word`. */
-static bool keep_coordinates(const char *word, size_t k, obj_facts *facts, plain_mesh *out)
+/* Index `which` of a corner such as 7/1/3 in a list of `count` items, from 0; -1: the corner names none of them. */
+static long long find_index(const char *word, int which, size_t count)
 {
-    const char *slash = word + strspn(word, "-+0123456789");
-    const long long count = (long long)facts->uvs, index = *slash == '/' ? strtoll(slash + 1, NULL, 10) : 0;
-    const bool exists = *slash == '/' && slash[1] != '/' && index != 0 && index <= count && index >= -count;
-    if (!plain_mesh_make_room(out, (void **)&facts->corner, &facts->corner_room, k + 1,
-                              sizeof *facts->corner))
-        return false;
-    for (int c = 0; c < 2; c++)
-        facts->corner[k][c] = exists ? facts->uv[index < 0 ? count + index : index - 1][c] : (double)NAN;
+    for (; which > 0; which--) {
+        word += strspn(word, "-+0123456789");
+        if (*word++ != '/') return -1;
+    }
+    const long long index = strspn(word, "-+0123456789") > 0 ? strtoll(word, NULL, 10) : 0,
+                    all = (long long)count;
+    return index > 0 && index <= all ? index - 1 : index < 0 && index >= -all ? all + index : -1;
+}
+
+/* The index of a name, which is added if it is new. False: memory is out. */
+static bool find_name(obj_names *n, const char *name, double *index, plain_mesh *out)
+{
+    size_t k = 0;
+    while (k < n->count && strcmp(n->name[k], name) != 0) k++;
+    *index = (double)k;
+    if (k < n->count) return true;
+    if (!plain_mesh_make_room(out, (void **)&n->name, &n->room, k + 1, sizeof *n->name)) return false;
+    if (!(n->name[k] = strdup(name))) return plain_mesh_refuse_memory(out);
+    n->count++;
     return true;
+}
+
+static void free_names(obj_names *n)
+{
+    for (size_t k = 0; k < n->count; k++) free(n->name[k]);
+    free(n->name);
+}
+
+/* Adds a vertex for a corner of a face, with its values. */
+static bool add_corner(uint32_t vertex, const char *word, double group, const obj_facts *facts,
+                       plain_mesh *out)
+{
+    const size_t n = out->vertices;
+    const long long uv = find_index(word, 1, facts->uvs), normal = find_index(word, 2, facts->normals);
+    plain_values *const *of = facts->values_of;
+    return plain_mesh_copy_vertex(out, facts->vertex[vertex]) &&
+           (uv < 0 || plain_mesh_set_values(out, of[OF_UV], n, facts->uv[uv])) &&
+           (normal < 0 || plain_mesh_set_values(out, of[OF_NORMAL], n, facts->normal[normal])) &&
+           plain_mesh_set_values(out, of[OF_MATERIAL], n, &facts->material) &&
+           plain_mesh_set_values(out, of[OF_GROUP], n, &group);
 }
 
 /* The rest of a line as text without blanks at its ends; the caller frees it. */
@@ -103,48 +151,57 @@ static char *rest_of_line(const char *at)
     return strndup(at, length);
 }
 
-/* Reads usemtl or mtllib. */
-static bool read_name(const char *at, bool is_library, obj_facts *facts, plain_mesh *out)
+/* Reads usemtl. */
+static bool read_material(const char *name, obj_facts *facts, plain_mesh *out)
 {
-    char *name = rest_of_line(at);
     mesh_material new = mesh_textures_white();
-    bool ok = true;
+    uint32_t index = 0;
+    if (!out->textures) {
+        const bool ok = find_name(&facts->used, name, &facts->material, out);
+        facts->material++;
+        return ok;
+    }
     new.needs_library = true;
-    if (!name) return plain_mesh_refuse_memory(out);
-    if (is_library) {
-        ok = !*name || plain_textures_add_library(out, name);
-    } else if ((size_t)snprintf(new.name, sizeof new.name, "%s", name) >= sizeof new.name) {
-        ok = plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
-                               "its name \"%.80s...\" of a material is too long. Shorten it.", name);
-    } else {
-        facts->material = plain_textures_find_material(out, name);
-        if (facts->material == MESH_TEXTURES_NONE)
-            ok = plain_textures_add_material(out, &new, &facts->material);
-    }
-    free(name);
-    return ok;
-}
-
-/* Reads a line that matters for textures only. */
-static bool read_texture_line(const char *at, obj_facts *facts, plain_mesh *out)
-{
-    if (!out->textures) return true;
-    if (at[0] == 'v' && at[1] == 't' && (at[2] == ' ' || at[2] == '\t')) {
-        at += 2;
-        return read_coordinates(&at, facts, out);
-    }
-    const bool uses = strncmp(at, "usemtl", 6) == 0, is_library = strncmp(at, "mtllib", 6) == 0;
-    if ((uses || is_library) && (at[6] == ' ' || at[6] == '\t'))
-        return read_name(at + 6, is_library, facts, out);
+    if ((size_t)snprintf(new.name, sizeof new.name, "%s", name) >= sizeof new.name)
+        return plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
+                                 "its name \"%.80s...\" of a material is too long. Shorten it.", name);
+    index = plain_textures_find_material(out, name);
+    if (index == MESH_TEXTURES_NONE && !plain_textures_add_material(out, &new, &index)) return false;
+    facts->material = index;
     return true;
 }
 
-/* Reads the vertex of a corner: `7`, `7/1`, `7//3` or `7/1/3`. Negative numbers count back from the last
- * vertex. */
-static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
+static bool is_word(const char *at, const char *word)
+{
+    const size_t length = strlen(word);
+    return strncmp(at, word, length) == 0 && (at[length] == ' ' || at[length] == '\t');
+}
+
+/* Reads a line that matters for values or textures only. */
+static bool read_value_line(const char *at, obj_facts *facts, plain_mesh *out)
+{
+    if (is_word(at, "vt"))
+        return read_numbers(at + 2, 2, (void **)&facts->uv, &facts->uvs, &facts->uv_room, out);
+    if (is_word(at, "vn"))
+        return read_numbers(at + 2, 3, (void **)&facts->normal, &facts->normals, &facts->normal_room, out);
+    const bool is_group = is_word(at, "o") || is_word(at, "g"), is_library = is_word(at, "mtllib");
+    if (!is_group && !is_library && !is_word(at, "usemtl")) return true;
+    char *name = rest_of_line(at + (is_group ? 1 : strlen("usemtl")));
+    if (!name) return plain_mesh_refuse_memory(out);
+    const bool ok = is_group     ? true
+                    : is_library ? !out->textures || !*name || plain_textures_add_library(out, name)
+                                 : read_material(name, facts, out);
+    free(is_group ? facts->group : name);
+    if (is_group) facts->group = name;
+    return ok;
+}
+
+/* Reads the vertex of a corner: `7`, `7/1`, `7//3` or `7/1/3`. Negative numbers count back from the last one
+ * of `vertices`. */
+static bool read_corner(const char **at, size_t vertices, uint32_t *out)
 {
     char *end;
-    const long long index = strtoll(*at, &end, 10), count = (long long)m->vertices;
+    const long long index = strtoll(*at, &end, 10), count = (long long)vertices;
     const size_t more = strspn(end, "/-0123456789");
     if (end == *at || (more > 0 && *end != '/')) return false;
     *at = end + more;
@@ -155,23 +212,26 @@ static bool read_corner(const char **at, const plain_mesh *m, uint32_t *out)
 static bool read_face(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     size_t count = 0;
+    double group = 0;
+    if (out->keeps_values && !find_name(&facts->groups, facts->group ? facts->group : "", &group, out))
+        return false;
     for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
         const char *word = *at;
         if (!plain_mesh_expect_corners(out, count + 1)) return false;
-        if (!read_corner(at, out, &out->corner[count]))
+        if (!read_corner(at, facts->vertices, &out->corner[count]))
             return plain_mesh_refuse_at(
                 out, facts->text, facts->text + (word - data),
                 "of the OBJ file has a face whose corner \"%.*s\" is none of the %zu vertices before it. %s",
-                (int)strcspn(word, " \t\r\n"), word, out->vertices,
+                (int)strcspn(word, " \t\r\n"), word, facts->vertices,
                 strtoll(word, NULL, 10) == 0 ? "Count vertices from 1." : "Write vertices before faces.");
-        if (out->textures && !keep_coordinates(word, count, facts, out)) return false;
+        if (out->keeps_values) {
+            if (!add_corner(out->corner[count], word, group, facts, out)) return false;
+            out->corner[count] = (uint32_t)(out->vertices - 1);
+        }
         count++;
     }
     facts->empty += count == 0;
-    return count == 0 ||
-           (plain_mesh_add_polygon(out, out->corner, count) &&
-            (!out->textures || plain_textures_add_polygon(out, facts->material,
-                                                          (const double(*)[2])facts->corner, NULL, count)));
+    return count == 0 || plain_mesh_add_polygon(out, out->corner, count);
 }
 
 static bool is_one_of(const char *word, size_t length, const char *const *words, size_t count)
@@ -251,7 +311,7 @@ static bool read_lines(const char *data, obj_facts *facts, plain_mesh *out)
             facts->words++;
             if (!read_face(data, &at, facts, out)) return false;
         } else {
-            if (!read_texture_line(at, facts, out)) return false;
+            if (out->keeps_values && !read_value_line(at, facts, out)) return false;
             take_line(at, facts, out);
         }
         at += strcspn(at, "\r\n");
@@ -267,12 +327,22 @@ static bool read_lines(const char *data, obj_facts *facts, plain_mesh *out)
 bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
 {
     const char *text = plain_mesh_text(data, size, out);
-    obj_facts facts = {.text = text, .material = MESH_TEXTURES_NONE};
+    obj_facts facts = {.text = text,
+                       .material = out->textures ? -1 : 0,
+                       .values_of = {plain_mesh_add_values(out, "color", MESH_VALUES_COLOR, 4),
+                                     plain_mesh_add_values(out, "uv", MESH_VALUES_UV, 2),
+                                     plain_mesh_add_values(out, "normal", MESH_VALUES_NORMAL, 3),
+                                     plain_mesh_add_values(out, "material", MESH_VALUES_WHOLE, 1),
+                                     plain_mesh_add_values(out, "group", MESH_VALUES_WHOLE, 1)}};
     char *joined = text ? join_lines(text) : NULL;
     const bool read = text && read_lines(joined ? joined : text, &facts, out);
     free(joined);
     free(facts.uv);
-    free(facts.corner);
+    free(facts.vertex);
+    free(facts.normal);
+    free(facts.group);
+    free_names(&facts.used);
+    free_names(&facts.groups);
     if (!read) return false;
     if (facts.free_forms > 0)
         plain_mesh_warn(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* OFF: text and binary, with the prefixes ST, C, N and 4 for further numbers of vertices. In text, a vertex
- * and a face have one line each; what follows the numbers that are read, such as colours, is skipped. */
+/* OFF: text and binary, with the prefixes ST, C, N and 4 for further numbers of vertices: normals, colours and
+ * texture coordinates, in this order, which are values. In text, a vertex and a face have one line each, and a colour
+ * has three or four numbers; what follows the numbers that are read, such as colours of faces, is skipped. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +16,9 @@ enum { NUMBER_SIZE = 4 };
 typedef struct off {
     const char *at, *end;
     bool is_binary, has_w;
-    size_t beside; /* floats of a binary vertex after its position */
+    size_t of_normal, of_color, of_uv; /* numbers of a vertex after its position; of_color: at most */
+    plain_values *normals, *colors, *uvs;
+    double brightest; /* the largest number of a colour */
 } off;
 
 /* Text: skips blanks, line breaks and comments up to the next number. */
@@ -66,6 +69,28 @@ static bool end_row(off *o, size_t binary_bytes)
     return true;
 }
 
+/* Reads the values of the last vertex. */
+static bool read_values(off *o, plain_mesh *out)
+{
+    double number[9];
+    const size_t most = o->of_normal + o->of_color + o->of_uv, n = out->vertices - 1;
+    size_t count = 0;
+    while (count < most &&
+           (o->is_binary ? read_number(o, &number[count]) : plain_mesh_number(&o->at, &number[count])))
+        count++;
+    double *color = number + o->of_normal, *uv = number + count - (count < o->of_uv ? count : o->of_uv);
+    if (count + (o->of_color && !o->is_binary ? 1 : 0) < most) return false;
+    if (uv - color == 3) {
+        const double opaque[4] = {color[0], color[1], color[2], (double)NAN};
+        if (!plain_mesh_set_values(out, o->colors, n, opaque)) return false;
+    } else if (o->of_color && !plain_mesh_set_values(out, o->colors, n, color)) {
+        return false;
+    }
+    for (const double *c = color; o->of_color && c < uv; c++) o->brightest = fmax(o->brightest, *c);
+    return (!o->of_normal || plain_mesh_set_values(out, o->normals, n, number)) &&
+           (!o->of_uv || plain_mesh_set_values(out, o->uvs, n, uv));
+}
+
 static bool read_vertex(off *o, plain_mesh *out)
 {
     double at[4] = {0, 0, 0, 1};
@@ -73,7 +98,19 @@ static bool read_vertex(off *o, plain_mesh *out)
         if (!read_number(o, &at[k])) return false;
     for (int k = 0; k < 3; k++) at[k] /= at[3];
     out->vertex_at = o->at;
-    return end_row(o, o->beside * sizeof(float)) && plain_mesh_add_vertex(out, at);
+    const size_t more = out->keeps_values ? 0 : o->of_normal + o->of_color + o->of_uv;
+    return plain_mesh_add_vertex(out, at) && (!out->keeps_values || read_values(o, out)) &&
+           end_row(o, more * sizeof(float));
+}
+
+/* Colours are from 0 to 1, or to 255 if one of them exceeds 1. Those of three numbers are opaque. */
+static void scale_colors(const off *o)
+{
+    const double full = o->brightest > 1 ? UINT8_MAX : 1;
+    for (size_t k = 0; o->colors && k < 4 * o->colors->count; k++) {
+        double *c = &o->colors->value[k];
+        *c = isnan(*c) && k % 4 == 3 ? 1 : *c / full;
+    }
 }
 
 static bool read_face(off *o, plain_mesh *out)
@@ -104,9 +141,9 @@ static bool read_head(off *o, plain_mesh *out)
 {
     long long dimensions;
     skip_to_number(o);
-    if (take(&o->at, "ST")) o->beside += 2;
-    if (take(&o->at, "C")) o->beside += 4;
-    if (take(&o->at, "N")) o->beside += 3;
+    if (take(&o->at, "ST")) o->of_uv = 2;
+    if (take(&o->at, "C")) o->of_color = 4;
+    if (take(&o->at, "N")) o->of_normal = 3;
     o->has_w = take(&o->at, "4");
     const bool has_dimensions = take(&o->at, "n");
     if (!take(&o->at, "OFF")) return false;
@@ -137,10 +174,14 @@ static bool refuse(const off *o, const char *data, const char *what, long long n
 
 bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
 {
-    off o = {.at = data, .end = data + size};
+    off o = {.at = data,
+             .end = data + size,
+             .colors = plain_mesh_add_values(out, "color", MESH_VALUES_COLOR, 4),
+             .uvs = plain_mesh_add_values(out, "uv", MESH_VALUES_UV, 2),
+             .normals = plain_mesh_add_values(out, "normal", MESH_VALUES_NORMAL, 3)};
     long long vertices, faces, edges;
-    if (!read_head(&o, out) || (!o.is_binary && memchr(data, 0, size)) || !read_integer(&o, &vertices) ||
-        !read_integer(&o, &faces) || vertices < 0 || faces < 0 || (o.is_binary && !read_integer(&o, &edges)))
+    if (!read_head(&o, out) || !read_integer(&o, &vertices) || !read_integer(&o, &faces) || vertices < 0 ||
+        faces < 0 || (o.is_binary && !read_integer(&o, &edges)))
         return refuse(&o, data, "header", -1, out);
     /* skip the number of edges, which many files lack */
     if (!o.is_binary) o.at += strcspn(o.at, "\n");
@@ -149,5 +190,7 @@ bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
     for (long long k = 0; k < faces; k++)
         if (!read_face(&o, out)) return refuse(&o, data, "face", k, out);
     if (!o.is_binary) skip_to_number(&o);
-    return o.at == o.end || refuse(&o, data, "end", -1, out);
+    out->end = o.at;
+    scale_colors(&o);
+    return true;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/meshes/plain_textures.h"
 
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -97,43 +96,12 @@ uint32_t plain_textures_find_material(const plain_mesh *m, const char *name)
     return MESH_TEXTURES_NONE;
 }
 
-static bool add_colors(plain_mesh *m, const float (*color)[4], size_t corners)
-{
-    plain_textures *t = m->textures;
-    if (!color && !t->all.color) return true;
-    const size_t first = t->all.color ? t->corners : 0;
-    if (!plain_mesh_make_room(m, (void **)&t->all.color, &t->color_room, t->corners + corners,
-                              sizeof *t->all.color))
-        return false;
-    for (size_t k = first; k < t->corners + corners; k++)
-        for (int c = 0; c < 4; c++)
-            t->all.color[k][c] = color && k >= t->corners ? color[k - t->corners][c] : 1;
-    return true;
-}
-
-bool plain_textures_add_polygon(plain_mesh *m, uint32_t material, const double (*uv)[2],
-                                const float (*color)[4], size_t corners)
-{
-    plain_textures *t = m->textures;
-    if (!plain_mesh_make_room(m, (void **)&t->all.polygon_material, &t->polygon_room, t->polygons + 1,
-                              sizeof *t->all.polygon_material) ||
-        !plain_mesh_make_room(m, (void **)&t->all.uv, &t->uv_room, t->corners + corners, sizeof *t->all.uv) ||
-        !add_colors(m, color, corners))
-        return false;
-    for (size_t k = 0; k < corners; k++)
-        for (int c = 0; c < 2; c++) t->all.uv[t->corners + k][c] = uv ? uv[k][c] : (double)NAN;
-    t->all.polygon_material[t->polygons++] = material;
-    t->corners += corners;
-    return true;
-}
-
 bool plain_textures_answer(const plain_mesh *m)
 {
     const mesh_textures *t = &m->textures->all;
     mesh_textures_header head = {.materials = (uint32_t)t->materials,
                                  .images = (uint32_t)t->images,
                                  .libraries = (uint32_t)t->libraries,
-                                 .has_colors = t->color != NULL,
                                  .unlisted = t->unlisted};
     memcpy(head.warnings, t->warnings, sizeof head.warnings);
     bool ok = reader_write(&head, sizeof head) &&
@@ -141,7 +109,5 @@ bool plain_textures_answer(const plain_mesh *m)
               reader_write(t->library, t->libraries * sizeof *t->library) &&
               reader_write(t->image, t->images * sizeof *t->image);
     for (size_t k = 0; ok && k < t->images; k++) ok = reader_write(t->data[k], t->image[k].bytes);
-    return ok && reader_write(t->polygon_material, m->textures->polygons * sizeof *t->polygon_material) &&
-           reader_write(t->uv, m->textures->corners * sizeof *t->uv) &&
-           (!t->color || reader_write(t->color, m->textures->corners * sizeof *t->color));
+    return ok;
 }

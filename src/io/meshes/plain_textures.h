@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* plain_textures: collects materials, images and texture coordinates while a reader of plain_mesh reads a file.
+/* plain_textures: collects materials and images while a reader of plain_mesh reads a file.
  * Runs in the process that reads. Functions return false if the file is refused.
  */
 #ifndef HEXAD_IO_MESHES_PLAIN_TEXTURES_H
@@ -10,8 +10,7 @@
 
 struct plain_textures {
     mesh_textures all;
-    size_t polygons, corners; /* that have a material, and coordinates */
-    size_t material_room, image_room, library_room, polygon_room, uv_room, color_room;
+    size_t material_room, image_room, library_room;
 };
 
 /* Adds a material, an image or a library of m->textures. `data`: the bytes of an image in the file, which are copied;
@@ -26,11 +25,6 @@ void plain_textures_warn(plain_mesh *m, const char *format, ...) __attribute__((
 
 /* The index of the material with this name, or MESH_TEXTURES_NONE. */
 uint32_t plain_textures_find_material(const plain_mesh *m, const char *name);
-
-/* Adds what polygons without it have been given since the last call: the material, and for each of `corners` corners
- * its coordinates. uv NULL: there are none. color NULL: white. To be called after each polygon. */
-bool plain_textures_add_polygon(plain_mesh *m, uint32_t material, const double (*uv)[2],
-                                const float (*color)[4], size_t corners);
 
 /* Writes the part of the answer that has the textures. False: the other end is closed. */
 bool plain_textures_answer(const plain_mesh *m);

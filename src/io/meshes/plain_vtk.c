@@ -320,7 +320,7 @@ typedef struct array {
     char name[WORD_SIZE], type[WORD_SIZE];
     mesh_values_kind kind;
     size_t components, tuples;
-    float scale; /* factor of the numbers */
+    double full; /* the number that is 1 */
     bool of_points;
 } array;
 
@@ -328,7 +328,8 @@ typedef struct array {
 static bool read_numbers(vtk *v, const array *a)
 {
     number_type type = NUMBER_UINT8;
-    float *to = NULL;
+    plain_values *to = NULL;
+    double row[MESH_VALUES_COMPONENTS];
     if (a->components > 0 && a->tuples > SIZE_MAX / 16 / a->components)
         return refuse(v, "has a field that is too large");
     size_t count = a->components * a->tuples;
@@ -342,8 +343,7 @@ static bool read_numbers(vtk *v, const array *a)
     if (a->of_points && a->tuples != v->out->vertices)
         return refuse(v, "begins %zu values \"%.40s\", and there are %zu points", a->tuples, a->name,
                       v->out->vertices);
-    if (a->of_points && !are_bits && !plain_mesh_add_values(v->out, a->name, a->kind, a->components, &to))
-        return false;
+    if (a->of_points && !are_bits) to = plain_mesh_add_values(v->out, a->name, a->kind, a->components);
     if (v->is_binary && !to) {
         v->at += count * number_bytes(type);
         return true;
@@ -351,7 +351,10 @@ static bool read_numbers(vtk *v, const array *a)
     for (size_t k = 0; k < count; k++) {
         double number;
         if (!read_real(v, type, "a field", &number)) return false;
-        if (to) to[k] = (float)number * a->scale;
+        if (!to) continue;
+        row[k % a->components] = number / a->full;
+        if ((k + 1) % a->components == 0 && !plain_mesh_set_values(v->out, to, k / a->components, row))
+            return false;
     }
     return true;
 }
@@ -373,7 +376,7 @@ static void decode_name(char *name)
 /* Reads an array of a field. */
 static bool read_array(vtk *v, bool of_points)
 {
-    array a = {.kind = MESH_VALUES_NUMBER, .scale = 1, .of_points = of_points};
+    array a = {.kind = MESH_VALUES_NUMBER, .full = 1, .of_points = of_points};
     if (!read_word(v, a.name)) return refuse(v, "ends within a field");
     decode_name(a.name);
     if (!read_count(v, "components", &a.components) || !read_count(v, "tuples", &a.tuples)) return false;
@@ -459,7 +462,7 @@ static bool read_head(vtk *v, const char *word, array *a)
         ok = ok && read_count(v, "components", &a->components);
     if (form == HEAD_COLORS || form == HEAD_COLOR_TABLE) {
         snprintf(a->type, sizeof a->type, "%s", v->is_binary ? "unsigned_char" : "float");
-        a->scale = v->is_binary ? 1.0F / 255 : 1;
+        a->full = v->is_binary ? UINT8_MAX : 1;
     } else {
         ok = ok && read_word(v, a->type);
     }
@@ -478,7 +481,7 @@ static bool read_head(vtk *v, const char *word, array *a)
  * CELL_DATA. */
 static bool read_values(vtk *v, char word[WORD_SIZE])
 {
-    array section = {.scale = 1};
+    array section = {.full = 1};
     do {
         bool ok = true;
         const bool is_of_points = strcasecmp(word, "POINT_DATA") == 0;

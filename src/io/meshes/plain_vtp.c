@@ -573,17 +573,22 @@ static bool add_cells(vtp *v, size_t index, vtk_cells_kind kind, size_t first)
     return ok;
 }
 
-/* Reads an array of values of one piece into *to. */
-static bool read_values(vtp *v, size_t index, const point_values *one, float *to)
+/* Reads an array of values of one piece, whose vertices begin at `first`. */
+static bool read_values(vtp *v, size_t index, const point_values *one, size_t first, plain_values *to)
 {
-    const size_t count = one->components * v->pieces[index].count[POINTS];
+    const size_t rows = v->pieces[index].count[POINTS], width = one->components;
     number_type type = NUMBER_DOUBLE;
     bool swapped = false;
-    unsigned char *bytes = read_array(v, &one->array, index, one->name, count, &type, &swapped);
-    for (size_t n = 0; bytes && n < count; n++)
-        to[n] = (float)number_value(bytes + n * number_bytes(type), type, swapped);
+    unsigned char *bytes = read_array(v, &one->array, index, one->name, width * rows, &type, &swapped);
+    bool ok = bytes != NULL;
+    for (size_t n = 0; ok && n < rows; n++) {
+        double row[MESH_VALUES_COMPONENTS];
+        for (size_t c = 0; c < width; c++)
+            row[c] = number_value(bytes + (width * n + c) * number_bytes(type), type, swapped);
+        ok = plain_mesh_set_values(v->out, to, first + n, row);
+    }
     free(bytes);
-    return bytes != NULL;
+    return ok;
 }
 
 /* Reads the arrays of values that the first piece with points has. Each piece with points must have them. */
@@ -593,9 +598,9 @@ static bool add_all_values(vtp *v)
     while (first < v->piece_count && v->pieces[first].count[POINTS] == 0) first++;
     for (size_t k = 0; first < v->piece_count && k < v->pieces[first].value_count; k++) {
         const point_values *of_first = &v->pieces[first].values[k];
-        float *to;
-        if (!plain_mesh_add_values(v->out, of_first->name, of_first->kind, of_first->components, &to))
-            return false;
+        size_t vertex = 0;
+        plain_values *to =
+            plain_mesh_add_values(v->out, of_first->name, of_first->kind, of_first->components);
         for (size_t n = first; to && n < v->piece_count; n++) {
             const piece *p = &v->pieces[n];
             size_t own = 0, named = 0;
@@ -614,8 +619,8 @@ static bool add_all_values(vtp *v)
                     v->out, ERROR_INPUT_DAMAGED,
                     "piece %zu of the VTK file has no values \"%.40s\" of %zu components, which piece %zu has",
                     n, of_first->name, of_first->components, first);
-            if (!read_values(v, n, &p->values[own], to)) return false;
-            to += of_first->components * p->count[POINTS];
+            if (!read_values(v, n, &p->values[own], vertex, to)) return false;
+            vertex += p->count[POINTS];
         }
     }
     return true;
@@ -635,7 +640,6 @@ static bool build(vtp *v)
 bool plain_mesh_read_vtp(const char *data, size_t size, plain_mesh *out)
 {
     vtp v = {.data = data, .size = size, .out = out, .section = -1};
-    if (strncmp(data, "# vtk DataFile", 14) == 0) return plain_mesh_read_vtk(data, size, out);
     v.document = (xml){.data = data, .size = size, .context = &v, .begin = begin_element, .end = end_element};
     const bool ok = plain_mesh_read_xml(out, &v.document, "the VTK file") && build(&v);
     for (size_t n = 0; n < v.piece_count; n++) free(v.pieces[n].values);

@@ -754,8 +754,9 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
     /* with the extender and a terminating zero */
     char front[sizeof(nifti_2_header) + 4 + 1] = {0};
-    if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
-    if (meta_image_is(head)) return read_meta_image(a, head);
+    const file_format found = file_format_of_bytes(head, length);
+    if (found == FILE_FORMAT_NRRD) return read_nrrd(a, head, length);
+    if (found == FILE_FORMAT_META_IMAGE) return read_meta_image(a, head);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
     if (packed) {
         gzFile stream = gzdopen(STDIN_FILENO, "rb");
@@ -766,11 +767,9 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         length = (size_t)got;
         head = front;
     }
-    if (length >= sizeof(nifti_1_header)) {
-        int version = nifti_header_version(head, length);
-        if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
-            return read_nifti(a, head, length, name, packed);
-    }
+    if (file_format_of_bytes(head, length) == FILE_FORMAT_NIFTI && length >= sizeof(nifti_1_header) &&
+        (nifti_header_version(head, length) == 1 || length >= sizeof(nifti_2_header)))
+        return read_nifti(a, head, length, name, packed);
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s%s: give an NRRD, NIfTI or MetaImage file",
                   packed ? "compressed by gzip and contains " : "", guess(head, length));
 }

@@ -89,19 +89,6 @@ static const struct {
              {"MET_LONG_LONG", NUMBER_INT64}, {"MET_ULONG_LONG", NUMBER_UINT64}, {"MET_FLOAT", NUMBER_FLOAT},
              {"MET_DOUBLE", NUMBER_DOUBLE}};
 
-bool meta_image_is(const char *text)
-{
-    static const char *const first[] = {"ObjectType", "NDims", "Comment"};
-    const char *dimensions = strstr(text, "NDims");
-    for (size_t k = 0; k < sizeof first / sizeof *first; k++) {
-        size_t n = strlen(first[k]);
-        if (strncmp(text, first[k], n) == 0 && text[n + strspn(text + n, " \t")] == '=')
-            return dimensions != NULL;
-    }
-    return isalpha((unsigned char)*text) && text[strcspn(text, "=\n")] == '=' && dimensions &&
-           strstr(text, "ElementDataFile");
-}
-
 static bool take_numbers(parsing *p, const char *key, const char *value, double *out, int count)
 {
     char *end;

@@ -11,9 +11,6 @@
 
 enum { META_IMAGE_NAME_SIZE = 512, META_IMAGE_FAULT_SIZE = 256 };
 
-/* Whether the text begins like such a header. */
-bool meta_image_is(const char *text);
-
 /* Sets the members of *out that describe a volume, including warnings. `name`: the file that holds the data;
  * "" if they follow the header. False: `fault` has the reason why the file is not read, and *code whether it
  * is damaged or not supported. */

@@ -22,7 +22,8 @@ static const char what[] = "the colours of the textures";
 /* A mesh with its materials. */
 typedef struct textured_mesh {
     mesh m;
-    mesh_polygons polygons;
+    mesh_values values;
+    const double *uv, *material, *tint; /* arrays of `values`; NULL: there is none */
     mesh_textures textures;
     dense_warnings warnings;
     size_t unlisted; /* number of warnings for which `warnings` has no room */
@@ -32,7 +33,7 @@ typedef struct textured_mesh {
 static void free_mesh(textured_mesh *t)
 {
     mesh_free(&t->m);
-    mesh_polygons_free(&t->polygons);
+    mesh_values_free(&t->values);
     mesh_textures_free(&t->textures);
 }
 
@@ -209,11 +210,22 @@ static bool refuse_missing(error *e)
         "\": its file has no material, and names no image. Choose another attribute, such as \"color\".");
 }
 
+static const double *find_values(const textured_mesh *t, const char *name, uint32_t components)
+{
+    for (size_t k = 0; k < t->values.count; k++)
+        if (strcmp(t->values.head[k].name, name) == 0 && t->values.head[k].components == components)
+            return t->values.value[k];
+    return NULL;
+}
+
 static bool read_mesh(const attribute_request *request, textured_mesh *t, error *e)
 {
     const mesh_file file = {request->fd, request->path, NULL, request->memory_limit};
     mesh_notes notes = {0};
-    if (!mesh_file_read_textures(&file, &t->m, &t->polygons, &t->textures, &notes, e)) return false;
+    if (!mesh_file_read_textures(&file, &t->m, &t->values, &t->textures, &notes, e)) return false;
+    t->uv = find_values(t, MESH_TEXTURES_UV, 2);
+    t->material = find_values(t, MESH_TEXTURES_MATERIAL, 1);
+    t->tint = find_values(t, MESH_TEXTURES_TINT, 4);
     for (size_t k = 0; k < notes.count && !request->is_of_surface; k++) warn(t, "%s", notes.text[k]);
     warn_of_textures(t, &t->textures);
     const mesh_textures *all = &t->textures;
@@ -230,12 +242,9 @@ static bool read_mesh(const attribute_request *request, textured_mesh *t, error 
 static size_t held_bytes(const textured_mesh *t)
 {
     const mesh_textures *all = &t->textures;
-    const size_t of_corner =
-                     sizeof *t->polygons.corner + sizeof *all->uv + (all->color ? sizeof *all->color : 0),
-                 of_polygon =
-                     sizeof *t->polygons.size + sizeof *t->polygons.first + sizeof *all->polygon_material;
-    size_t bytes = t->m.vertex_count * sizeof *t->m.vertex + t->m.triangle_count * sizeof *t->m.triangle +
-                   t->polygons.count * of_polygon + t->polygons.corners * of_corner +
+    size_t of_vertex = sizeof *t->m.vertex;
+    for (size_t k = 0; k < t->values.count; k++) of_vertex += t->values.head[k].components * sizeof(double);
+    size_t bytes = t->m.vertex_count * of_vertex + t->m.triangle_count * sizeof *t->m.triangle +
                    all->materials * sizeof *all->material + all->images * sizeof *all->image + t->places;
     for (size_t k = 0; k < all->images; k++) bytes += all->image[k].bytes;
     return bytes;
@@ -334,68 +343,50 @@ typedef struct place {
     uint32_t material;
 } place;
 
-/* Finds the corners of a polygon that are the corners of its triangle. A vertex may be several corners, as along the seam
- * of a polygon around a hole: those that are nearest to each other along the polygon count. */
-static void find_corners(const mesh_polygons *p, uint32_t polygon, const uint32_t corner[3], size_t out[3])
+/* The material of a vertex, or MESH_TEXTURES_NONE. */
+static uint32_t material_of(const textured_mesh *t, uint32_t vertex)
 {
-    enum { PLACES = 4 };
-    const uint32_t *own = p->corner + p->first[polygon];
-    const size_t size = p->size[polygon];
-    size_t at[3][PLACES], count[3] = {0, 0, 0}, least = SIZE_MAX;
-    for (int k = 0; k < 3; k++)
-        for (size_t n = 0; n < size && count[k] < PLACES; n++)
-            if (own[n] == corner[k]) at[k][count[k]++] = n;
-    for (size_t n = 0; n < count[0] * count[1] * count[2] && least > 0; n++) {
-        const size_t i[3] = {at[0][n % count[0]], at[1][n / count[0] % count[1]],
-                             at[2][n / count[0] / count[1]]};
-        size_t length = 0;
-        for (int k = 0; k < 3; k++) {
-            const size_t a = i[k], b = i[(k + 1) % 3], along = a > b ? a - b : b - a;
-            length += along < size - along ? along : size - along;
-        }
-        if (length < least) memcpy(out, i, sizeof i);
-        least = length < least ? length : least;
-    }
+    const double index = t->material ? t->material[vertex] : -1;
+    return index >= 0 && index < (double)t->textures.materials ? (uint32_t)index : MESH_TEXTURES_NONE;
 }
 
 /* Sets the place of a point and the product of the factor and the colours of the vertices. */
-static void locate(const textured_mesh *t, uint32_t polygon, const uint32_t corner[3], const double weight[3],
-                   place *out, double color[4])
+static void locate(const textured_mesh *t, const uint32_t corner[3], const double weight[3], place *out,
+                   double color[4])
 {
-    const mesh_textures *all = &t->textures;
     const mesh_material white = mesh_textures_white();
     double uv[2] = {0, 0}, tint[4] = {0, 0, 0, 0};
-    out->material = all->polygon_material[polygon];
-    const mesh_material *m = out->material == MESH_TEXTURES_NONE ? &white : &all->material[out->material];
-    size_t found[3] = {0, 0, 0};
-    find_corners(&t->polygons, polygon, corner, found);
+    out->material = material_of(t, corner[0]);
+    const mesh_material *m =
+        out->material == MESH_TEXTURES_NONE ? &white : &t->textures.material[out->material];
     for (int k = 0; k < 3; k++) {
-        const size_t at = t->polygons.first[polygon] + found[k];
-        for (int c = 0; c < 2; c++) uv[c] += weight[k] * all->uv[at][c];
-        for (int c = 0; all->color && c < 4; c++) tint[c] += weight[k] * (double)all->color[at][c];
+        for (int c = 0; c < 2; c++)
+            uv[c] += weight[k] * (t->uv ? t->uv[2 * (size_t)corner[k] + (size_t)c] : (double)NAN);
+        for (int c = 0; c < 4; c++) {
+            const double own = t->tint ? t->tint[4 * (size_t)corner[k] + (size_t)c] : 1;
+            tint[c] += weight[k] * (isnan(own) ? 1 : own);
+        }
     }
     for (int c = 0; c < 2; c++)
         out->uv[c] = m->transform[c][0] * uv[0] + m->transform[c][1] * uv[1] + m->transform[c][2];
-    for (int c = 0; c < 4; c++) color[c] = m->factor[c] * (all->color ? tint[c] : 1);
+    for (int c = 0; c < 4; c++) color[c] = m->factor[c] * (t->tint ? tint[c] : 1);
 }
 
 static bool locate_points(const attribute_request *request, const textured_mesh *t, size_t count,
                           const vec3 *position, place *places, double *values, size_t *far, error *e)
 {
     double to_file[3][4];
-    uint32_t *polygon = mesh_polygons_of_triangles(&t->polygons, t->m.triangle_count, e);
-    triangle_tree *tree = polygon ? triangle_tree_new(&t->m, NULL, e) : NULL;
+    triangle_tree *tree = triangle_tree_new(&t->m, NULL, e);
     affine_invert(request->from_file, to_file);
     for (size_t i = 0; tree && i < count; i++) {
         double weight[3];
         const vec3 x = affine_apply((const double(*)[4])to_file, position[i].x, position[i].y, position[i].z);
         const uint32_t nearest = (uint32_t)triangle_tree_find(tree, x, weight);
-        locate(t, polygon[nearest], t->m.triangle[nearest], weight, &places[i], values + 4 * i);
+        locate(t, t->m.triangle[nearest], weight, &places[i], values + 4 * i);
         *far += corners_is_far(request, i, position[i], &t->m, t->m.triangle[nearest], weight);
     }
     const bool ok = tree != NULL;
     triangle_tree_free(tree);
-    free(polygon);
     return ok;
 }
 

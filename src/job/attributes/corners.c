@@ -67,15 +67,15 @@ bool corners_find(const attribute_request *request, point_attribute_kind *kind, 
 }
 
 /* Interpolates the values of the corners by their weights. Whole numbers are those of the nearest corner. */
-static void mix(const float *value, int components, const uint32_t corner[3], const double weight[3],
+static void mix(const double *value, int components, const uint32_t corner[3], const double weight[3],
                 bool whole, double *out)
 {
     int nearest = weight[1] > weight[0];
     if (weight[2] > weight[nearest]) nearest = 2;
     for (int c = 0; c < components; c++) {
-        out[c] = whole ? (double)value[(size_t)components * corner[nearest] + (size_t)c] : 0;
+        out[c] = whole ? value[(size_t)components * corner[nearest] + (size_t)c] : 0;
         for (int k = 0; !whole && k < 3; k++)
-            out[c] += weight[k] * (double)value[(size_t)components * corner[k] + (size_t)c];
+            out[c] += weight[k] * value[(size_t)components * corner[k] + (size_t)c];
     }
 }
 

@@ -75,7 +75,7 @@ static void describe_values(const mesh_file *file, json *o)
         for (size_t c = 0; c < width; c++) {
             double low = INFINITY, high = -INFINITY;
             for (size_t n = c; n < width * m.vertex_count; n += width) {
-                const double value = (double)values.value[k][n];
+                const double value = values.value[k][n];
                 if (isfinite(value)) low = fmin(low, value);
                 if (isfinite(value)) high = fmax(high, value);
             }

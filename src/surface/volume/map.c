@@ -21,7 +21,7 @@ struct map {
     /* instead of the grid: triangles, and the value of each vertex; or NULL */
     triangle_tree *tree;
     mesh triangles;
-    float *value;
+    double *value;
 };
 
 static bool check_finite(const vdb_grid *g, error *e)
@@ -122,7 +122,8 @@ map *map_of_array(const array_grid *grid, error *e)
 }
 
 /* Copies a component of an array to m->value. */
-static bool take_component(map *m, const mesh_reader_values *head, const float *from, int component, error *e)
+static bool take_component(map *m, const mesh_reader_values *head, const double *from, int component,
+                           error *e)
 {
     const size_t components = head->components, at = component < 0 ? 0 : (size_t)component;
     if (at >= components || (components > 1 && component < 0))
