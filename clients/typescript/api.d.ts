@@ -1292,7 +1292,7 @@ export type Surface = {
    */
   mesh?: {
     /**
-     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of
      * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
      * for the attribute base_color only (materials and images, below the input roots).
      */
@@ -2476,7 +2476,7 @@ export type AnsweredSurface = {
    */
   mesh?: {
     /**
-     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one of
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of
      * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
      * for the attribute base_color only (materials and images, below the input roots).
      */

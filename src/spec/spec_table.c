@@ -128,7 +128,7 @@ const spec_row spec_rows[] = {
      PATH,
      AT(surface.mesh.path),
      .prose =
-         "The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX, COLLADA, X3D or 3DS. It must lie below one "
+         "The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one "
          "of the service's input roots, or have been sent with hexadctl upload. Other files that it names are read for the "
          "attribute base_color only (materials and images, below the input roots)."},
     {.pointer = MEMBER(ADVANCED, "/surface/mesh", "voxel_size"),
