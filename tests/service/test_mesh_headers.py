@@ -162,7 +162,8 @@ def test_nodes_that_are_not_visible_are_skipped_with_those_below(look, worker, t
                    "attributes": [{"name": "group"}], "output": {"preview": False}})
     assert done.returncode in (0, 10, 11), done.stderr
     report = json.loads((tmp_path / "out/report.json").read_text())
-    assert report["attributes"][0]["minimum"] == report["attributes"][0]["maximum"] == 0
+    (group,) = [a for a in report["attributes"] if a["name"] == "group"]
+    assert group["minimum"] == group["maximum"] == 0
 
 
 @pytest.mark.parametrize("extension", ["CESIUM_RTC", "VENDOR_shape", "MSFT_lod"])
@@ -337,14 +338,6 @@ def test_values_of_a_3mf_lie_where_its_mesh_is(worker, tmp_path):
     points = read_columns((tmp_path / "out/points.ply").read_bytes())
     assert len(set(points["group"][points["x"] < 30])) == len(set(points["group"][points["x"] > 70])) == 1
     assert len(set(points["group"])) == 2 and points["x"].max() == pytest.approx(4 * 25.4)
-
-
-def test_values_of_a_quantised_gltf_are_refused(worker, tmp_path, r):
-    write.quantised(tmp_path / "box.glb", write.box(r), "<u2", True, 8)
-    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "box.glb")}}, "sampling": {"count": 30},
-                   "attributes": [{"name": "normal", "as": "n"}], "output": {"preview": False}})
-    error = json.loads(done.stderr.splitlines()[-1])
-    assert error["code"] == "input_unsupported" and "KHR_mesh_quantization" in error["message"], error
 
 
 def test_digits_of_a_3mf_are_kept(look, tmp_path):
@@ -678,7 +671,7 @@ UNREAD = {
     "a.vdb": (b" BDV\0\0\0\0" + bytes(40), "OpenVDB", "/surface/vdb/path"),
     "a.nrrd": (b"NRRD0004\ntype: float\n", "NRRD", "/surface/volume/path"),
     "a.x3d": (b"<Scene/>", "X3D", "assimp export"), "x3d": (b'<?xml version="1.0"?>\n<X3D version="3.3"><Scene/></X3D>\n', "X3D", "assimp export"),
-    "a.3DS": (b"", "3DS", "assimp export"), "3ds": (b"MM\x40\0\0\0\2\0\n\0\0\0\3\0\0\0" + bytes(48), "3DS", "assimp export"),
+    "a.3DS": (b"any", "3DS", "assimp export"), "3ds": (b"MM\x40\0\0\0\2\0\n\0\0\0\3\0\0\0" + bytes(48), "3DS", "assimp export"),
     "a.usda": (b"#usda 1.0\n", "USD", "Blender"), "a.usdc": (b"PXR-USDC" + bytes(80), "USD", "Blender"),
     "a.AMF": (write.AMF, "AMF", "prusa-slicer"), "packed.amf": (b"PK\3\4" + bytes(60), "AMF", "prusa-slicer"),
     "amf.stl": (write.AMF, "AMF", "prusa-slicer"), "amf.obj": (write.AMF, "AMF", "prusa-slicer"), "amf": (write.AMF, "AMF", "prusa-slicer"),

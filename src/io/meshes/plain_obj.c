@@ -8,12 +8,6 @@
 
 #include "io/meshes/plain_textures.h"
 
-/* Names, in the order of their first use. */
-typedef struct obj_names {
-    char **name;
-    size_t count, room;
-} obj_names;
-
 typedef struct obj_facts {
     const char *text;  /* the text of the file, before continued lines are joined */
     size_t free_forms; /* curves and surfaces */
@@ -26,9 +20,12 @@ typedef struct obj_facts {
     uint32_t *vertex;
     double (*uv)[2], (*normal)[3];
     size_t vertices, uvs, normals, vertex_room, uv_room, normal_room;
-    obj_names used, groups; /* materials, and groups or objects */
-    char *group;            /* the last one; NULL: none */
-    double material;        /* of the last usemtl: of textures its index, or -1; otherwise from 1, or 0 */
+    char **used; /* names of materials, in the order of their first use */
+    size_t used_count, used_room;
+    double material;   /* of the last usemtl: of textures its index, or -1; otherwise from 1, or 0 */
+    char *group_name;  /* of the last group or object; NULL: none */
+    double group;      /* number of the group of the last face, from 0 */
+    bool is_new_group; /* no face has the last group */
     plain_values *values_of[5];
 } obj_facts;
 
@@ -48,7 +45,7 @@ static const char *skip_blanks(const char *at)
 
 /* Reads x y z, optionally followed by a weight w or by a colour of three or four numbers. The position is
  * (x, y, z) / w. A word that is not a number, such as "-1.#IND" in a colour, ends the numbers: the rest of
- * the line is skipped. */
+ * the line is skipped, and the colour has no value there. */
 static bool read_vertex(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     const char *line = *at;
@@ -81,7 +78,9 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
                               sizeof *facts->vertex))
         return false;
     facts->vertex[facts->vertices - 1] = (uint32_t)(out->vertices - 1);
-    return count < 6 || plain_mesh_set_values(out, facts->values_of[OF_COLOR], out->vertices - 1, number + 3);
+    for (size_t k = count; has_word && k < 6; k++) number[k] = (double)NAN;
+    return (count < 6 && !(has_word && count > 3)) ||
+           plain_mesh_set_values(out, facts->values_of[OF_COLOR], out->vertices - 1, number + 3);
 }
 
 /* Reads the numbers of a line vt or vn to the item that is added to a list. Those that are absent are 0. */
@@ -109,28 +108,8 @@ static long long find_index(const char *word, int which, size_t count)
     return index > 0 && index <= all ? index - 1 : index < 0 && index >= -all ? all + index : -1;
 }
 
-/* The index of a name, which is added if it is new. False: memory is out. */
-static bool find_name(obj_names *n, const char *name, double *index, plain_mesh *out)
-{
-    size_t k = 0;
-    while (k < n->count && strcmp(n->name[k], name) != 0) k++;
-    *index = (double)k;
-    if (k < n->count) return true;
-    if (!plain_mesh_make_room(out, (void **)&n->name, &n->room, k + 1, sizeof *n->name)) return false;
-    if (!(n->name[k] = strdup(name))) return plain_mesh_refuse_memory(out);
-    n->count++;
-    return true;
-}
-
-static void free_names(obj_names *n)
-{
-    for (size_t k = 0; k < n->count; k++) free(n->name[k]);
-    free(n->name);
-}
-
 /* Adds a vertex for a corner of a face, with its values. */
-static bool add_corner(uint32_t vertex, const char *word, double group, const obj_facts *facts,
-                       plain_mesh *out)
+static bool add_corner(uint32_t vertex, const char *word, const obj_facts *facts, plain_mesh *out)
 {
     const size_t n = out->vertices;
     const long long uv = find_index(word, 1, facts->uvs), normal = find_index(word, 2, facts->normals);
@@ -139,7 +118,7 @@ static bool add_corner(uint32_t vertex, const char *word, double group, const ob
            (uv < 0 || plain_mesh_set_values(out, of[OF_UV], n, facts->uv[uv])) &&
            (normal < 0 || plain_mesh_set_values(out, of[OF_NORMAL], n, facts->normal[normal])) &&
            plain_mesh_set_values(out, of[OF_MATERIAL], n, &facts->material) &&
-           plain_mesh_set_values(out, of[OF_GROUP], n, &group);
+           plain_mesh_set_values(out, of[OF_GROUP], n, &facts->group);
 }
 
 /* The rest of a line as text without blanks at its ends; the caller frees it. */
@@ -151,16 +130,26 @@ static char *rest_of_line(const char *at)
     return strndup(at, length);
 }
 
+/* Sets the number of a material, by the order in which their names are first used. */
+static bool number_material(const char *name, obj_facts *facts, plain_mesh *out)
+{
+    size_t k = 0;
+    while (k < facts->used_count && strcmp(facts->used[k], name) != 0) k++;
+    facts->material = (double)k + 1;
+    if (k < facts->used_count) return true;
+    if (!plain_mesh_make_room(out, (void **)&facts->used, &facts->used_room, k + 1, sizeof *facts->used))
+        return false;
+    if (!(facts->used[k] = strdup(name))) return plain_mesh_refuse_memory(out);
+    facts->used_count++;
+    return true;
+}
+
 /* Reads usemtl. */
 static bool read_material(const char *name, obj_facts *facts, plain_mesh *out)
 {
     mesh_material new = mesh_textures_white();
     uint32_t index = 0;
-    if (!out->textures) {
-        const bool ok = find_name(&facts->used, name, &facts->material, out);
-        facts->material++;
-        return ok;
-    }
+    if (!out->textures) return number_material(name, facts, out);
     new.needs_library = true;
     if ((size_t)snprintf(new.name, sizeof new.name, "%s", name) >= sizeof new.name)
         return plain_mesh_refuse(out, ERROR_INPUT_UNSUPPORTED,
@@ -191,8 +180,9 @@ static bool read_value_line(const char *at, obj_facts *facts, plain_mesh *out)
     const bool ok = is_group     ? true
                     : is_library ? !out->textures || !*name || plain_textures_add_library(out, name)
                                  : read_material(name, facts, out);
-    free(is_group ? facts->group : name);
-    if (is_group) facts->group = name;
+    if (is_group && (!facts->group_name || strcmp(facts->group_name, name) != 0)) facts->is_new_group = true;
+    free(is_group ? facts->group_name : name);
+    if (is_group) facts->group_name = name;
     return ok;
 }
 
@@ -212,9 +202,8 @@ static bool read_corner(const char **at, size_t vertices, uint32_t *out)
 static bool read_face(const char *data, const char **at, obj_facts *facts, plain_mesh *out)
 {
     size_t count = 0;
-    double group = 0;
-    if (out->keeps_values && !find_name(&facts->groups, facts->group ? facts->group : "", &group, out))
-        return false;
+    if (facts->is_new_group) facts->group++;
+    facts->is_new_group = false;
     for (*at = skip_blanks(*at); !is_end(**at); *at = skip_blanks(*at)) {
         const char *word = *at;
         if (!plain_mesh_expect_corners(out, count + 1)) return false;
@@ -225,7 +214,7 @@ static bool read_face(const char *data, const char **at, obj_facts *facts, plain
                 (int)strcspn(word, " \t\r\n"), word, facts->vertices,
                 strtoll(word, NULL, 10) == 0 ? "Count vertices from 1." : "Write vertices before faces.");
         if (out->keeps_values) {
-            if (!add_corner(out->corner[count], word, group, facts, out)) return false;
+            if (!add_corner(out->corner[count], word, facts, out)) return false;
             out->corner[count] = (uint32_t)(out->vertices - 1);
         }
         count++;
@@ -329,6 +318,8 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     const char *text = plain_mesh_text(data, size, out);
     obj_facts facts = {.text = text,
                        .material = out->textures ? -1 : 0,
+                       .group = -1,
+                       .is_new_group = true,
                        .values_of = {plain_mesh_add_values(out, "color", MESH_VALUES_COLOR, 4),
                                      plain_mesh_add_values(out, "uv", MESH_VALUES_UV, 2),
                                      plain_mesh_add_values(out, "normal", MESH_VALUES_NORMAL, 3),
@@ -340,9 +331,9 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     free(facts.uv);
     free(facts.vertex);
     free(facts.normal);
-    free(facts.group);
-    free_names(&facts.used);
-    free_names(&facts.groups);
+    free(facts.group_name);
+    for (size_t k = 0; k < facts.used_count; k++) free(facts.used[k]);
+    free(facts.used);
     if (!read) return false;
     if (facts.free_forms > 0)
         plain_mesh_warn(
