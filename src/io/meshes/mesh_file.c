@@ -367,26 +367,6 @@ bool mesh_file_read_points(const mesh_file *file, vec3 **out, size_t *count, err
     return true;
 }
 
-static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_notes *notes,
-                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e)
-{
-    mesh m = {0};
-    off_t size = 0;
-    reader r;
-    const char *command = textures   ? MESH_TEXTURES_COMMAND
-                          : values   ? MESH_VALUES_COMMAND
-                          : polygons ? MESH_POLYGONS_COMMAND
-                                     : MESH_READER_COMMAND;
-    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
-    bool ok = mesh_file_parse(&r, file->memory_limit, header, &m, notes, values, polygons, textures, e);
-    ok = reader_end(&r, ok, e);
-    if (ok)
-        *out = m;
-    else
-        mesh_free(&m);
-    return ok;
-}
-
 static void note_header(mesh_notes *notes, const mesh_reader_header *header)
 {
     if (header->others)
@@ -398,56 +378,56 @@ static void note_header(mesh_notes *notes, const mesh_reader_header *header)
                   (unsigned long long)header->end);
 }
 
+/* `notes`, `values`, `polygons`, `textures`: NULL if they are not wanted. */
+static bool read_file(const mesh_file *file, const char *command, mesh *out, mesh_notes *notes,
+                      mesh_values *values, mesh_polygons *polygons, mesh_textures *textures, error *e)
+{
+    mesh m = {0};
+    mesh_values v = {0};
+    mesh_polygons p = {0};
+    mesh_textures t = {0};
+    mesh_notes unused = {0};
+    mesh_reader_header header = {0};
+    off_t size = 0;
+    reader r;
+    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
+    bool ok = mesh_file_parse(&r, file->memory_limit, &header, &m, notes ? notes : &unused,
+                              values ? &v : NULL, polygons ? &p : NULL, textures ? &t : NULL, e);
+    ok = reader_end(&r, ok, e);
+    if (!ok) {
+        mesh_free(&m);
+        mesh_values_free(&v);
+        mesh_polygons_free(&p);
+        mesh_textures_free(&t);
+        return false;
+    }
+    if (notes) note_header(notes, &header);
+    *out = m;
+    if (values) *values = v;
+    if (polygons) *polygons = p;
+    if (textures) *textures = t;
+    return true;
+}
+
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
-    mesh_reader_header header = {0};
-    if (!read_file(file, &header, out, notes, NULL, NULL, NULL, e)) return false;
-    note_header(notes, &header);
-    return true;
+    return read_file(file, MESH_READER_COMMAND, out, notes, NULL, NULL, NULL, e);
 }
 
 bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, mesh_notes *notes, error *e)
 {
-    mesh_reader_header header = {0};
-    mesh_values read = {0};
-    mesh_notes unused = {0};
-    if (read_file(file, &header, out, notes ? notes : &unused, &read, NULL, NULL, e)) {
-        if (notes) note_header(notes, &header);
-        *values = read;
-        return true;
-    }
-    mesh_values_free(&read);
-    return false;
+    return read_file(file, MESH_VALUES_COMMAND, out, notes, values, NULL, NULL, e);
 }
 
 bool mesh_file_read_polygons(const mesh_file *file, mesh *out, mesh_polygons *polygons, error *e)
 {
-    mesh_reader_header header = {0};
-    mesh_polygons read = {0};
-    mesh_notes unused = {0}; /* dropped: mesh_file_read adds the same notes */
-    if (read_file(file, &header, out, &unused, NULL, &read, NULL, e)) {
-        *polygons = read;
-        return true;
-    }
-    mesh_polygons_free(&read);
-    return false;
+    return read_file(file, MESH_POLYGONS_COMMAND, out, NULL, NULL, polygons, NULL, e);
 }
 
 bool mesh_file_read_textures(const mesh_file *file, mesh *out, mesh_values *values, mesh_textures *textures,
                              mesh_notes *notes, error *e)
 {
-    mesh_reader_header header = {0};
-    mesh_values read = {0};
-    mesh_textures found = {0};
-    if (read_file(file, &header, out, notes, &read, NULL, &found, e)) {
-        note_header(notes, &header);
-        *values = read;
-        *textures = found;
-        return true;
-    }
-    mesh_values_free(&read);
-    mesh_textures_free(&found);
-    return false;
+    return read_file(file, MESH_TEXTURES_COMMAND, out, notes, values, NULL, textures, e);
 }
 
 bool mesh_file_read_materials(const mesh_file *file, mesh_textures *textures, error *e)
