@@ -2,12 +2,14 @@
 #include "programs/directory_check.h"
 
 #include <errno.h>
+#include <pwd.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/core/denial.h"
+#include "base/core/memory.h"
 #include "files/file.h"
 
 /* 0 or the errno of the access to a directory. */
@@ -54,6 +56,24 @@ bool directory_check_file(const char *setting, const char *path, error *e)
                                   : "choose a directory that the user of the service can write to");
     free(directory);
     return !fault;
+}
+
+static bool is_own_group(const struct stat *info)
+{
+    const struct passwd *owner = getpwuid(info->st_uid);
+    return info->st_gid == getegid() || (owner && info->st_gid == owner->pw_gid);
+}
+
+char *directory_check_describe_writers(const char *path)
+{
+    struct stat info;
+    if (stat(path, &info) != 0) return NULL;
+    const bool others = info.st_mode & S_IWOTH, group = info.st_mode & S_IWGRP && !is_own_group(&info);
+    if (!others && !group) return NULL;
+    return mem_printf(
+        "%s can write to %s (mode %04o) and can replace the queue and its results: chmod go-w %s",
+        others ? "every user of this machine" : "another group", path, (unsigned)(info.st_mode & 07777),
+        path);
 }
 
 bool directory_check_contains(const char *directory, const char *path)

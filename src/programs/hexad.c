@@ -48,7 +48,6 @@
 #include "programs/directory_check.h"
 #include "programs/farm.h"
 #include "programs/maintenance.h"
-#include "programs/open_directory.h"
 #include "programs/open_port.h"
 #include "service/ledger/ledger.h"
 #include "service/queue/queue.h"
@@ -148,7 +147,7 @@ static void visit_open_directories(const config *c, void (*tell)(const char *set
         const char *setting, *path;
     } directories[] = {{"state_dir", c->state_dir}, {"work_dir", c->work_dir}};
     for (size_t i = 0; i < sizeof directories / sizeof *directories; i++) {
-        char *message = *directories[i].path ? open_directory_describe(directories[i].path) : NULL;
+        char *message = *directories[i].path ? directory_check_describe_writers(directories[i].path) : NULL;
         if (message) tell(directories[i].setting, message);
         free(message);
     }
