@@ -30,24 +30,19 @@ static const double thin_scale = 0.5;
  * discs; from ring_from_pixels they have an outline, which would be noise on smaller discs. */
 static const double merge_pixels = 1.5, single_pixels = 5, ring_from_pixels = 4;
 
-/* Offset of the body below its disc, as a fraction of the radius; the maximum applies where the surface is
- * curved. */
-static const double offset_share = 0.08, offset_max_share = 0.4;
+/* Offset of the body below its disc, as a fraction of the radius: bodies of neighbours hide no disc where the
+ * radius of curvature is at least 1.75 spacings. */
+static const double offset_share = 0.2;
 
 /* Increase of depth towards the rim, as a fraction of the radius: where discs overlap the closer centre wins.
  * Otherwise coplanar discs would mix at random. */
 static const double cone_share = 0.1;
 
-/* Bounds of size_of: maximum over the requested spacing; maximum over the radius of curvature; and the
- * minimum factor of the latter, since curvature may be noise. */
-static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75;
+/* Maximum of size_of over the requested spacing. */
+static const double stretch_max = 1.5;
 
 /* Maximum distance by which a body extends in front of its point, in radii; half of it is for the offset. */
 static const double reach_share = 1.5;
-
-/* Discs seen from the side, by less than this cosine, are drawn smaller, in proportion: otherwise they would
- * extend beyond the silhouette as thin arcs. */
-static const double edge_cosine = 0.35;
 
 /* The colour of plain shading, sRGB: light, so that the shade has the whole range of brightness. */
 static const double shading_color[3] = {0.86, 0.84, 0.80};
@@ -65,14 +60,18 @@ static const double margin_share = 0.05; /* margin around the set, as a fraction
 
 /* ---- discs ---- */
 
+/* The requested spacing at a point; 0: it is not known. */
+static double requested(const points *set, size_t i)
+{
+    return set->spacing ? set->spacing[i] : 0;
+}
+
 /* The spacing that scales the discs of a point: the achieved spacing, limited by the requested one (a point
- * at the end of a thin part has a huge Voronoi cell) and by the radius of curvature. */
+ * at the end of a thin part has a huge Voronoi cell). */
 static double size_of(const points *set, size_t i)
 {
-    double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
+    double wanted = requested(set, i), size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
     if (wanted > 0) size = compare_smaller(size, stretch_max * wanted);
-    double bend = compare_larger(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
-    if (bend > 0) size = compare_smaller(size, compare_larger(bend_radii / bend, bend_least_share * size));
     return compare_larger(size, 0);
 }
 
@@ -83,26 +82,13 @@ static double facing_of(const camera *c, const disc *d)
     return -vec3_dot(sight, d->normal) / vec3_norm(sight);
 }
 
-/* The radius at which a disc is drawn, reduced near the silhouette. The surface recedes from the plane of a
- * disc by half its squared radius over the radius of curvature. */
-static double trim_edge(const image *m, size_t i, const disc *d, double radius)
-{
-    double hidden = 2 * offset_max_share, kappa = m->points.kappa[i];
-    if (!(radius * kappa > hidden)) return radius;
-    double share = compare_smaller(fabs(facing_of(&m->camera, d)) / edge_cosine, 1);
-    return hidden / kappa + share * (radius - hidden / kappa);
-}
-
 static disc body_of(const image *m, size_t i)
 {
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    d.radius = trim_edge(
-        m, i, &d, compare_smaller(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max));
-    double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
-    double sink = compare_smaller(bend + offset_share * d.radius, offset_max_share * d.radius);
-    d.center = vec3_axpy(-sink, d.normal, d.center);
+    d.radius = compare_smaller(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max);
+    d.center = vec3_axpy(-offset_share * d.radius, d.normal, d.center);
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1) | DISC_BODY;
     d.ring = false;
@@ -119,7 +105,7 @@ static disc face_of(const image *m, size_t i)
     double t =
         compare_smaller(compare_larger((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
     double share = body_share + t * (disc_share - body_share);
-    d.radius = trim_edge(m, i, &d, compare_smaller(share * size, m->radius_max));
+    d.radius = compare_smaller(share * size, m->radius_max);
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1);
     d.ring = pixels > ring_from_pixels;
@@ -154,7 +140,7 @@ static disc_ball ball_of(const image *m, size_t i)
 {
     const double body = m->scale_of_discs * body_share * size_of(&m->points, i);
     return (disc_ball){camera_point(&m->camera, m->points.position[i]),
-                       (1 + offset_max_share) * compare_smaller(body, m->radius_max)};
+                       (1 + offset_share) * compare_smaller(body, m->radius_max)};
 }
 
 /* Whether a point is seen from behind. */
@@ -557,17 +543,19 @@ static bool draw(image *m, const quantity_look *look, threads *pool, error *e)
 
 /* ---- picture */
 
-static bool is_drawable(const points *set, size_t i)
+/* `shown`: the values that the colours show; or NULL. */
+static bool is_drawable(const points *set, const double *shown, size_t i)
 {
     const vec3 *p = &set->position[i], *n = &set->normal[i];
-    double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
-    double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
-                  fabs(set->kappa2[i]) + fabs(set->alpha[i]) + fabs(set->energy[i]);
+    double world =
+        fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(requested(set, i)) + fabs(set->spacing_local[i]);
+    double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + (shown ? fabs(shown[i]) : 0);
     return world < world_max && rest < (double)FLT_MAX;
 }
 
 typedef struct check_job {
     const points *set;
+    const double *shown;
     atomic_size_t first; /* first point that cannot be drawn; or the count */
 } check_job;
 
@@ -576,21 +564,21 @@ static void check_chunk(void *context, int worker, size_t begin, size_t end)
     check_job *job = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        if (is_drawable(job->set, i)) continue;
+        if (is_drawable(job->set, job->shown, i)) continue;
         size_t first = atomic_load(&job->first);
         while (i < first && !atomic_compare_exchange_weak(&job->first, &first, i)) continue;
         return;
     }
 }
 
-static bool check_points(const points *set, threads *pool, error *e)
+static bool check_points(const points *set, const quantity_look *look, threads *pool, error *e)
 {
     if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview requires at least one point");
     if (set->count >= DISC_INDEX)
         return error_set(e, ERROR_INTERNAL,
                          "%zu points exceed the maximum of a preview: set output.preview to false",
                          set->count);
-    check_job job = {set, set->count};
+    check_job job = {set, quantity_has_scale(look->which) ? quantity_values(set, look) : NULL, set->count};
     threads_run(pool, set->count, POINTS_GRAIN, check_chunk, &job);
     const size_t first = atomic_load(&job.first);
     return first == set->count ||
@@ -693,7 +681,7 @@ bool preview_render(const points *set, const preview_options *o, threads *pool, 
         o->height > PREVIEW_SIZE_MAX)
         return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is outside the allowed size",
                          o->width, o->height);
-    if (!check_points(set, pool, e)) return false;
+    if (!check_points(set, &o->color, pool, e)) return false;
     const bounds b = bound_set(set);
     const camera c = o->camera ? camera_look(o->camera, o->width, o->height)
                                : camera_fit(set->position, set->count, b.radius_max, frame_of(o));
@@ -720,7 +708,7 @@ preview_span preview_span_at(const image *m, int x, int y)
     disc d = code & DISC_BODY ? body_of(m, i) : face_of(m, i);
     s.id = (uint32_t)(i + 1);
     s.normal = m->points.normal[i];
-    s.kappa = m->points.kappa[i];
+    s.kappa = m->points.kappa ? m->points.kappa[i] : 0;
     s.spacing = m->points.spacing_local[i];
     s.center = d.center;
     s.plane = d.normal;
