@@ -120,8 +120,9 @@ HEXAD_API int hexad_job_run(hexad_job *job, hexad_error *error);
  *
  * report: the JSON text of report.json (doc/report.md), with the outcome: converged, unresolved or not_converged.
  * array_name: the names of the arrays, from index 0; NULL: there are no more.
- * array: position (N, 3), normal (N, 3), kappa (N), spacing (N) and the others of points.npz (doc/formats.md), as
- * doubles or, if they are whole numbers, 64-bit integers; with output.mesh also triangle (T, 3), 32-bit unsigned. */
+ * array: position (N, 3) and what output.ply.properties names: by default normal (N, 3), spacing_local (N) and
+ * attributes; with "all" those of points.npz (doc/formats.md). They are doubles or, if they are whole numbers, 64-bit
+ * integers; with output.mesh also triangle (T, 3), 32-bit unsigned. */
 HEXAD_API const char *hexad_job_report(const hexad_job *job);
 HEXAD_API const char *hexad_job_array_name(const hexad_job *job, size_t index);
 HEXAD_API int hexad_job_array(const hexad_job *job, const char *name, hexad_array *array);

@@ -6,7 +6,7 @@
 
 DIRECTORY has the folders meshes, cases, vdb, volumes and exr. Prints a row for each spec: the outcome of each worker and the files that
 differ. Exit status 1: a file or an outcome differs. For changes that must not change results: comments, names, messages, moved code.
-Reports and previews are not compared.
+Reports and previews are not compared. Files have all properties, unless the spec chooses them.
 """
 import argparse
 import hashlib
@@ -90,7 +90,15 @@ def jobs(data, work):
     yield "EXR slices", with_count({"exr": {"path": str(data / "exr" / "displaywindow" / "t##.exr"), "slices": "1-8", "channel": "R", "isovalue": 0.3}}, 500)
 
 
+def is_default_all(worker):
+    """Builds without the word "all" write all properties."""
+    return " all: " not in subprocess.run([worker, "spec-help", "output/ply/properties"], capture_output=True, text=True).stdout.replace("\n", " ")
+
+
 def run(worker, spec, out):
+    if not is_default_all(worker):
+        output = spec["output"]
+        spec = {**spec, "output": {**output, "ply": {"properties": ["all"], **output.get("ply", {})}}}
     done = subprocess.run([worker, "run", "-", "--output", out], input=json.dumps(spec), capture_output=True, text=True)
     found = {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in POINTS if (out / name).exists()}
     if not found:

@@ -43,7 +43,7 @@ def write_square(path):
 def run(worker, surface, where, seed=1, **sampling):
     """Report, directory and processor seconds of a job with one thread."""
     spec = {"version": 1, "surface": surface, "sampling": sampling, "solver": {"seed": seed, "threads": 1},
-            "output": {"preview": False}}
+            "output": {"preview": False, "ply": {"properties": ["all"]}}}
     path, out = pathlib.Path(where) / "spec.json", pathlib.Path(where) / "out"
     path.write_text(json.dumps(spec))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -41,7 +41,7 @@ def job(worker, data, surface, count, where, sampling, output):
     if "mesh" in surface:
         surface["mesh"]["path"] = str(data / "meshes" / surface["mesh"]["path"])
     spec = {"version": 1, "surface": surface, "sampling": {"count": count, **sampling}, "limits": {"memory_mb": 16000},
-            "solver": {"threads": 1}, "output": {"preview": False, **output}}
+            "solver": {"threads": 1}, "output": {"preview": False, "ply": {"properties": ["all"]}, **output}}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run([worker, "run", "-", "--output", where], input=json.dumps(spec), capture_output=True, text=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

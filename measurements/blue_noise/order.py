@@ -125,7 +125,7 @@ def measure(points, order, counts, places):
 
 def run(worker, shared, surface, sampling, count, order, where):
     spec = {"version": 1, "surface": surface, "sampling": {"count": count, **sampling}, "limits": {"memory_mb": 16000},
-            "solver": {"threads": 1}, "output": {"preview": False, **({"order": order} if order else {})}}
+            "solver": {"threads": 1}, "output": {"preview": False, "ply": {"properties": ["all"]}, **({"order": order} if order else {})}}
     pathlib.Path(where).mkdir(exist_ok=True)
     path = pathlib.Path(where) / "spec.json"
     path.write_text(json.dumps(spec))

@@ -68,6 +68,8 @@ def read_ply(path):
         rows = numpy.frombuffer(body, list(zip(names, kinds)), count)
         table = numpy.stack([rows[name].astype(float) for name in names], axis=1)
     columns = {name: table[:, k] for k, name in enumerate(names)}
+    if "spacing" not in columns:
+        raise ValueError(f'{path} has no spacing: run the job with "all" in output.ply.properties')
     return PointSet(table[:, 0:3], table[:, 3:6], columns["spacing"], columns["alpha"], columns)
 
 

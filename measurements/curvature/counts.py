@@ -70,7 +70,7 @@ def main():
         for name, path, is_smooth in meshes(directory, options.shared):
             def run(count, **more):
                 return curvature.run(options.worker, directory, {"mesh": {"path": str(path)}},  # noqa: B023
-                                     {"sampling": {"count": count, **more}, "output": {"preview": False, "ply": {"precision": "double"}}})
+                                     {"sampling": {"count": count, **more}, "output": {"preview": False, "ply": {"precision": "double", "properties": ["all"]}}})
 
             many, few = run(MANY), run(FEW)
             (directory / "out" / "points.ply").rename(directory / "few.ply")

@@ -194,7 +194,7 @@ def fields_of(shape):
 
 
 def run(worker, directory, surface, more, count=COUNT):
-    spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False}, **more}
+    spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False, "ply": {"properties": ["all"]}}, **more}
     (directory / "spec.json").write_text(json.dumps(spec))
     subprocess.run([worker, "run", "spec.json", "--output", "out", "--threads", "1"], cwd=directory, check=False, capture_output=True)
     return measure.read_ply(directory / "out" / "points.ply")

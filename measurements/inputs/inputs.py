@@ -87,7 +87,7 @@ class Case:
     def run(self, chosen, count, seed=0):
         """(None, report) or (error, None)."""
         spec = {"version": 1, "surface": {self.kind: self.surface(chosen)}, "sampling": {"count": count},
-                "solver": {"threads": 1, "seed": seed}, "output": {"preview": False}, "limits": {"timeout_s": PATIENCE_S}}
+                "solver": {"threads": 1, "seed": seed}, "output": {"preview": False, "ply": {"properties": ["all"]}}, "limits": {"timeout_s": PATIENCE_S}}
         (self.work / "spec.json").write_text(json.dumps(spec))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run([*SMALL_PARENT, self.worker, "run", self.work / "spec.json", "--output", self.work / "out"],

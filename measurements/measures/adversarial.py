@@ -344,7 +344,7 @@ def run(worker, folder, surface, count, given):
         write_points(folder / "given.ply", given)
         sampling["points"] = {"path": str(folder / "given.ply"), "mode": "keep"}
     spec = {"version": 1, "surface": {"mesh": {"path": str(folder / "m.obj")}}, "sampling": sampling, "solver": {"threads": 1},
-            "output": {"preview": False, "ply": {"precision": "double"}}}
+            "output": {"preview": False, "ply": {"precision": "double", "properties": ["all"]}}}
     (folder / "spec.json").write_text(json.dumps(spec))
     done = subprocess.run([worker, "run", folder / "spec.json", "--output", folder / "out"], capture_output=True, text=True)
     if done.returncode not in (0, 10, 11):

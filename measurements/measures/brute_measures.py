@@ -467,7 +467,7 @@ JOBS = {
 
 def run(worker, data, name, folder):
     spec, surface = JOBS[name](folder, data)
-    spec = {"version": 1, **spec, "output": {"preview": False, "ply": {"precision": "double"}}}
+    spec = {"version": 1, **spec, "output": {"preview": False, "ply": {"precision": "double", "properties": ["all"]}}}
     spec["solver"] = {"threads": 1, **spec.get("solver", {})}
     (folder / "spec.json").write_text(json.dumps(spec))
     root = folder if "labels" in spec["surface"] else data or folder

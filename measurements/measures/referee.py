@@ -305,7 +305,7 @@ def run(worker, case, way, seed, where):
     _, sampling, solver = way
     spec = {"version": 1, "surface": case.surface, "sampling": {"count": case.count, **sampling},
             "solver": {"threads": 1, "seed": seed, **solver},
-            "output": {"ply": {"precision": "double"}, "preview": False}}
+            "output": {"ply": {"precision": "double", "properties": ["all"]}, "preview": False}}
     done = subprocess.run([worker, "run", "-", "--output", where], input=json.dumps(spec), text=True, capture_output=True)
     if done.returncode not in (0, 10, 11):
         raise RuntimeError(f"{case.name}: the worker ended with {done.returncode}: {done.stderr.strip()}")

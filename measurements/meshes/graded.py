@@ -57,7 +57,7 @@ def run(worker, path, members, count, seed, work):
     """Points, report and processor seconds of a job."""
     spec = {"version": 1, "surface": {"mesh": {"path": str(path)}},
             "sampling": {"count": count, **members["sampling"]},
-            "solver": {"seed": seed, "threads": 1, **members.get("solver", {})}, "output": {"preview": False}}
+            "solver": {"seed": seed, "threads": 1, **members.get("solver", {})}, "output": {"preview": False, "ply": {"properties": ["all"]}}}
     spec_path, out = work / "spec.json", work / "out"
     spec_path.write_text(json.dumps(spec))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

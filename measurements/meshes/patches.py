@@ -285,7 +285,7 @@ def examine(case, report, points, made, diagonal):
 def run(case, worker, count, seed, work):
     spec = {"version": 1, "surface": case.surface, "sampling": {"count": count}, **case.spec}
     spec["solver"] = {"threads": 1, "seed": seed, **case.spec.get("solver", {})}
-    spec["output"] = {"mesh": True, "ply": {"precision": "double"}}
+    spec["output"] = {"mesh": True, "ply": {"precision": "double", "properties": ["all"]}}
     (work / "spec.json").write_text(json.dumps(spec))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run([worker, "run", work / "spec.json", "--output", work / "out"], text=True, capture_output=True)

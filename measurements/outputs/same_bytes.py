@@ -25,7 +25,7 @@ REFUSED = 2
 def run(worker, count, threads, isa):
     """The instruction set that was used, the digests of the points and of the measures, and hex_fraction; None if refused."""
     spec = {"version": 1, "surface": {"analytic": {"shape": "torus", "major_radius": 1, "minor_radius": 0.4}}, "sampling": {"count": count},
-            "solver": {"isa": isa}, "output": {"preview": False}}
+            "solver": {"isa": isa}, "output": {"preview": False, "ply": {"properties": ["all"]}}}
     with tempfile.TemporaryDirectory() as where:
         done = subprocess.run([worker, "run", "-", "--output", where, "--threads", str(threads)], input=json.dumps(spec), text=True,
                               capture_output=True)

@@ -86,7 +86,7 @@ def run_worker(worker, spec, where):
 def spec_of(case, surface, seed):
     return {"version": 1, "surface": surface, "sampling": case["sampling"],
             "solver": {"threads": 0, **case.get("solver", {}), "seed": seed},
-            "output": {"preview": False, "ply": {"precision": "double"}}}
+            "output": {"preview": False, "ply": {"precision": "double", "properties": ["all"]}}}
 
 
 # ---- what is known of the surface beside its points

@@ -282,7 +282,7 @@ def measure_frame(case, frame, points, report, before):
 
 def run_case(worker, name, case, shared, where, frames):
     surface = surface_of(name, {**case, "frames": frames}, shared, where)
-    spec = {"version": 1, "surface": surface, "sampling": case["sampling"], "output": {"preview": False},
+    spec = {"version": 1, "surface": surface, "sampling": case["sampling"], "output": {"preview": False, "ply": {"properties": ["all"]}},
             "queue": {"frames": f"{frames[0]}-{frames[-1]}", "coherent": True}}
     rows, before, previous = [], None, None
     for frame in frames:
@@ -303,7 +303,7 @@ def run_alone(worker, shared, where):
         for density, counts in ALONE.items():
             for count in counts:
                 surface = {"vdb": {"path": str(shared / SMOKE.format(number)), **at_density(density)}}
-                spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False}}
+                spec = {"version": 1, "surface": surface, "sampling": {"count": count}, "output": {"preview": False, "ply": {"properties": ["all"]}}}
                 points, report = run_frame(worker, spec, number, where / "alone", None)
                 hexes = measure.measure(points, report["surface"]["area"])["hex_fraction"]
                 rows.append((number, density, count, report["spacing"] / VOXEL,

@@ -54,7 +54,7 @@ def run(worker, surface, sampling, folder):
     """The report of a job, its achieved spacings, and its CPU seconds."""
     spec, out = folder / "spec.json", folder / "out"
     spec.write_text(json.dumps({"version": 1, "surface": surface, "sampling": sampling, "solver": {"threads": 1},
-                                "output": {"preview": False}}))
+                                "output": {"preview": False, "ply": {"properties": ["all"]}}}))
     shutil.rmtree(out, ignore_errors=True)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run([worker, "run", spec, "--output", out], capture_output=True, text=True)

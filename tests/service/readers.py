@@ -5,7 +5,10 @@ import zlib
 
 import numpy
 
-PLY_PROPERTIES = ("x y z nx ny nz kappa kappa1 kappa2 alpha energy spacing spacing_local").split()
+PLY_DEFAULT = "x y z nx ny nz spacing_local".split()
+PLY_GRADED = "x y z nx ny nz spacing spacing_local".split()
+PLY_ALL = "x y z nx ny nz kappa kappa1 kappa2 alpha energy spacing spacing_local".split()
+EVERY = {"properties": ["all"]}  # output.ply of a spec
 PLY_OF_PATCHES = ["feature", "patch"]
 
 
@@ -26,7 +29,7 @@ class Points:
         own = names[:-1] if names[-1] == "kappa_defined" else names  # of surfaces with a mesh
         self.of_patches = own[-2:] == PLY_OF_PATCHES
         own = own[:-2] if self.of_patches else own
-        assert own in (PLY_PROPERTIES, [*PLY_PROPERTIES, "kappa_scale"])
+        assert own in (PLY_DEFAULT, PLY_GRADED, PLY_ALL, [*PLY_ALL, "kappa_scale"])
         (self.type,) = {w[1] for w in words[1:][:len(own)]}
         assert {w[1] for w in words[1:][len(own):]} <= {"int"} and self.format in ("ascii", "binary_little_endian")
         self.count = int(words[0][2])

@@ -297,7 +297,29 @@ def test_points_without_places_are_refused(worker, sample, attach, tmp_path):
     assert (done.returncode, told["code"]) == (3, "attribute_missing") and "no attribute source" in told["message"]
     sample({"mesh": {"path": "bar.obj"}}, output={"ply": {"properties": ["minimal", "attributes"]}})
     told, _ = attach("bar.obj", code=3)
-    assert told["code"] == "attribute_missing" and "kappa" in told["message"]
+    assert told["code"] == "attribute_missing" and "spacing_local" in told["message"]
+
+
+@pytest.mark.parametrize("sampling", [{}, {"curvature": {"ratio": 3}}])
+def test_an_attached_result_has_the_properties_of_its_points(sample, attach, tmp_path, sampling):
+    """Those of the default, with a spacing if it is graded, of a list, and all; the mean spacing is that of the report."""
+    bars.write(tmp_path / "bar.obj", *bars.bar())
+    for where, properties in (("out", None), ("list", ["kappa", "default"]), ("every", ["all"])):
+        ply = {"precision": "double", **({"properties": properties} if properties else {})}
+        before, report = sample({"mesh": {"path": "bar.obj"}}, output={"ply": ply}, sampling={"count": 700, **sampling}, where=where)
+        after, told = attach("bar.obj", result=where)
+        assert list(after) == list(before)
+        assert ("spacing" in before) == bool(sampling or properties == ["all"]) and ("kappa" in before) == bool(properties)
+        assert told["spacing"] == pytest.approx(report["spacing"], rel=0.05 if sampling else 0.005)
+
+
+@pytest.mark.parametrize("color, shown", [("curvature", False), ("alpha", False), ("degree", False), ("spacing", True)])
+def test_a_preview_of_what_attached_points_lack_is_shaded(sample, attach, tmp_path, color, shown):
+    bars.write(tmp_path / "bar.obj", *bars.bar())
+    sample({"mesh": {"path": "bar.obj"}}, output={"preview": {"size": 64, "color": color}, "points_glb": True})
+    _, told = attach("bar.obj")
+    assert any("the preview is shaded" in warning for warning in told["surface"]["warnings"]) != shown
+    assert (tmp_path / "moved" / "preview.png").exists()
 
 
 @pytest.mark.sanitized
@@ -305,7 +327,7 @@ def test_places_that_the_mesh_does_not_have_are_refused(sample, attach, tmp_path
     """A file of points that was changed: faces, corners, weights and meshes that do not exist, and names that no format has."""
     rest, faces = bars.bar()
     bars.write(tmp_path / "bar.obj", rest, faces)
-    sample({"mesh": {"path": "bar.obj"}}, count=50, output={"ply": {"format": "ascii"}})
+    sample({"mesh": {"path": "bar.obj"}}, count=50, output={"ply": {"format": "ascii", "properties": ["all"]}})
     path = tmp_path / "out" / "points.ply"
     head, mark, body = path.read_text().partition("end_header\n")
     names = [line.split()[-1] for line in head.splitlines() if line.startswith("property")]

@@ -469,7 +469,7 @@ def test_vertices_of_a_mesh(carry, tmp_path, form):
     close(columns["number"][flat], expected[flat, 6], 198)
     assert numpy.abs(columns["green"] - 255 * columns["Cd_g"]).max() < 0.501
     assert (columns["s"] == columns["uv_s"]).all() and (columns["t"] == columns["uv_t"]).all()
-    assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float", "int"]  # the last is kappa_defined
+    assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float"]
     error, none = carry({"mesh": {"path": str(tmp_path / "cube.ply")}}, [{"name": "wool"}])
     assert none is None and error["code"] == "attribute_missing"
     assert '"wool": choose one of "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
@@ -668,7 +668,7 @@ def test_properties_of_points_ply(carry, write_vdb):
         assert list(columns) == names
     assert (columns["id"] == numpy.arange(600)).all()
     columns, report = carry(fog, carried)
-    assert list(columns)[-7:] == [*color, "temperature", "Cd_r", "Cd_g", "Cd_b"]
+    assert list(columns) == [*place, *normal, "spacing_local", *color, "temperature", "Cd_r", "Cd_g", "Cd_b"]
     assert (columns["red"] == numpy.round(numpy.clip(columns["Cd_r"], 0, 1) * 255)).all()
     # colours where no attribute has them: those of the picture
     columns, report = carry(fog, [], output={"preview": False, "ply": {"properties": "meshlab"}})

@@ -64,8 +64,8 @@ def test_points_of_faces_that_pass_through_each_other_are_apart(worker, tmp_path
 def test_every_edge_has_a_row(worker, tmp_path, name):
     """Along each edge, and nowhere else, there are points on curves, no farther apart than spacings."""
     solid = MODELS[name]()
-    _, points = solve(worker, tmp_path, solid, 3000)
-    edges, spacing = sharp_edges(solid), numpy.median(points.spacing)
+    report, points = solve(worker, tmp_path, solid, 3000)
+    edges, spacing = sharp_edges(solid), report["spacing"]
     steps = numpy.linspace(0, 1, 40)[:, None]
     places = numpy.concatenate([(1 - steps) * a + steps * b for a, b in edges])
     on_curve = points.feature > 0

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mesh_reader import Mesh
-from readers import Points
+from readers import EVERY, Points
 from volumes import write_nrrd
 
 COUNT = 800
@@ -20,7 +20,7 @@ def sample(solve):
     def run(surface, **parts):
         spec = {"version": 1, "surface": surface, "sampling": {"count": COUNT},
                 "solver": {"threads": 1, "max_sweeps": 40},
-                "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
+                "output": {"preview": False, "ply": {"precision": "double", **EVERY}}, **parts}
         told, data = solve(spec)
         return told, data and Points(data)
     return run

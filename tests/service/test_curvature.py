@@ -6,7 +6,7 @@ import numpy
 import pytest
 
 import bars
-from readers import read_columns
+from readers import EVERY, read_columns
 from scenes import read_glb, read_usda
 
 MAJOR, MINOR = 1, 0.4
@@ -44,7 +44,7 @@ def sample(worker, tmp_path):
     """Samples a surface; the columns of points.ply and the report."""
     def call(surface, count=1500, output=None, sampling=None, where="out", **more):
         done = worker({"version": 1, "surface": surface, "sampling": {"count": count, **(sampling or {})}, "solver": {"threads": 1},
-                       "output": {"preview": False, **(output or {})}, **more}, output=where)
+                       "output": {"preview": False, "ply": EVERY, **(output or {})}, **more}, output=where)
         assert done.returncode in (0, 10, 11), done.stderr
         return (read_columns((tmp_path / where / "points.ply").read_bytes()),
                 json.loads((tmp_path / where / "report.json").read_text()))
@@ -68,11 +68,30 @@ def test_coarse_quads_have_the_curvature_of_the_torus_at_any_count(sample, tmp_p
 def test_columns_do_not_depend_on_which_others_are_chosen(sample, tmp_path, surface, properties, more):
     """The curvature is computed if a column needs it."""
     bars.write(tmp_path / "torus.ply", *torus(40, 20))
-    every, whole = sample(surface, 500, {"ply": {"precision": "double"}}, **more)
+    every, whole = sample(surface, 500, {"ply": {"precision": "double", **EVERY}}, **more)
     chosen, report = sample(surface, 500, {"ply": {"precision": "double", "properties": properties}}, where="chosen", **more)
     assert {"x", "y", "z"} <= set(chosen) and report["quality"] == whole["quality"]
     for name in set(chosen) & set(every):
         assert (chosen[name] == every[name]).all(), name
+
+
+@pytest.mark.parametrize("output, more, computed", [
+    ({}, {}, False), ({"preview": {"size": 64}}, {}, False), ({"preview": {"size": 64}, "preview_exr": True, "points_vdb": True}, {}, False),
+    ({"mesh": True}, {}, False), ({"ply": {"properties": ["spacing", "energy", "default"]}}, {}, False),
+    ({}, {"sampling": {"curvature": {"ratio": 3}}}, False), ({"ply": EVERY}, {}, True), ({"ply": {"properties": "quality"}}, {}, True),
+    ({"ply": {"properties": "blender"}}, {}, True), ({"preview": {"size": 64, "color": "curvature"}}, {}, True),
+    ({"preview": {"size": 64, "attribute": "kappa_defined"}}, {}, True), ({"preview": {"size": 64, "channels": "all"}, "preview_exr": True}, {}, True),
+    ({"points_npz": True}, {}, True), ({"orient": {"twist": "kappa_defined"}}, {}, True),
+    ({}, {"attributes": [{"from": "geometry", "name": "direction1"}]}, True)], ids=str)
+def test_curvature_is_computed_only_if_something_shows_it(sample, tmp_path, output, more, computed):
+    """If it is, the report describes where it is defined."""
+    bars.write(tmp_path / "torus.ply", *torus(40, 20))
+    columns, report = sample(SOLID, 300, {"ply": {}, **output}, **more)
+    assert ("kappa_defined" in [a["name"] for a in report.get("attributes", [])]) == computed
+    named = output.get("ply", {}).get("properties") in (["all"], "blender")
+    assert ("kappa_defined" in columns) == named, "the default does not depend on other outputs"
+    if not output.get("ply"):
+        assert list(columns)[:6] == "x y z nx ny nz".split() and ("spacing" in columns) == ("sampling" in more)
 
 
 def test_values_of_few_and_of_many_points_agree(sample, tmp_path):

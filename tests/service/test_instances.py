@@ -7,7 +7,7 @@ import re
 import numpy
 import pytest
 
-from readers import read_columns, read_mesh
+from readers import EVERY, read_columns, read_mesh
 from scenes import read_glb, stack
 from service import sphere
 from volumes import write_nrrd
@@ -130,7 +130,7 @@ def run(worker, tmp_path):
 
 
 def job(count=200, **output):
-    return sphere(count, output={"preview": False, "ply": {"precision": "double"}, **output})
+    return sphere(count, output={"preview": False, "ply": {"precision": "double", **EVERY}, **output})
 
 
 def orient_of(columns):

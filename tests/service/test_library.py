@@ -171,7 +171,7 @@ def by_worker(build, spec, directory):
 @pytest.mark.parametrize("name", SPECS)
 def test_function_and_worker_return_the_same_bytes(build, tmp_path, name):
     spec = SPECS[name]
-    points = hexad.sample(spec)
+    points = hexad.sample(spec, properties="all")
     expected, report = by_worker(build, on_disk(spec, tmp_path), tmp_path / "out")
     assert points.positions.dtype == numpy.float64
     found = {key: points[key] for key in points if key in expected}
@@ -583,14 +583,26 @@ def test_sample_of_arrays_of_other_types(kind):
 @pytest.mark.parametrize("properties, names", [
     ("minimal", {"position", "normal"}), (["spacing"], {"position", "spacing"}), (["kappa2", "radius"], {"position", "kappa2", "radius"}),
     (["quality", "attributes"], {"position", "kappa", "feature", "patch", "kappa_defined"}),
+    (None, {"position", "normal", "spacing_local", "feature", "patch"}),
+    ("default", {"position", "normal", "spacing_local", "feature", "patch"}),
     (["spacing_local", "red"], {"position", "spacing_local", "rgb"}), ("meshlab", {"position", "normal", "rgb", "radius", "kappa", "feature",
                                                                                    "patch", "kappa_defined"})])
 def test_properties_choose_arrays_and_change_no_value(properties, names):
     surface = solid(drum(24))
-    chosen, every = (hexad.sample(*surface, count=300, **how) for how in ({"properties": properties}, {}))
+    chosen, every = (hexad.sample(*surface, count=300, **how) for how in ({"properties": properties}, {"properties": "all"}))
     assert {name for name in chosen if len(name) > 2} == names
+    assert len(set(every) & names) >= len(names - {"rgb"})
     for name in names & set(every):
         assert chosen[name].tobytes() == every[name].tobytes(), name
+
+
+def test_a_property_that_is_not_there_names_those_that_are_and_the_word_for_all():
+    points = hexad.sample(*solid(BALL), count=100)
+    with pytest.raises(KeyError, match=r'no kappa, but x, y, z, .*spacing_local.* "all"'):
+        points["kappa"]
+    assert "kappa" not in points and points.get("kappa") is None
+    with pytest.raises(KeyError, match='no normal, but .*"all"'):
+        hexad.sample(*solid(BALL), count=100, properties=["spacing"]).normals
 
 
 @pytest.mark.parametrize("make", [

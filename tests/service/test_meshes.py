@@ -361,7 +361,7 @@ def test_patches_in_every_format(worker, tmp_path):
     archive = numpy.load(out / "points.npz")
     assert archive["feature"].dtype == numpy.int64 and (archive["feature"] == table["feature"]).all()
     names, vertices, _ = read_mesh((out / "mesh.ply").read_bytes())
-    assert names[-3:] == ["feature", "patch", "kappa_defined"] and (vertices[:, -3] == table["feature"]).all()
+    assert names[-2:] == ["feature", "patch"] and (vertices[:, -2] == table["feature"]).all()
     assert b"primvars:feature" in (out / "points.usda").read_bytes() and b"_FEATURE" in (out / "points.glb").read_bytes()
     taken = worker(job | {"attributes": [{"from": "geometry", "name": "direction1", "as": "patch"}]})
     assert taken.returncode == 2 and json.loads(taken.stderr)["message"].startswith("/attributes/0: two attributes have the name")

@@ -6,7 +6,7 @@ import numpy
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
-from readers import read_columns, read_mesh
+from readers import EVERY, read_columns, read_mesh
 from scenes import read_glb, read_usda, stack
 from service import sphere
 
@@ -24,7 +24,7 @@ def run(worker, tmp_path):
 
 
 def job(count=400, order=None, **output):
-    asked = {"preview": False, "ply": {"precision": "double"}, **output}
+    asked = {"preview": False, "ply": {"precision": "double", **EVERY}, **output}
     return sphere(count, output=asked | ({"order": order} if order else {}))
 
 

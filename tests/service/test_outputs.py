@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.stats import spearmanr
 
-from readers import Points, exr_attributes, read_columns, read_exr, read_mesh, read_png
+from readers import EVERY, Points, exr_attributes, read_columns, read_exr, read_mesh, read_png
 from service import PATIENCE_S, sphere
 
 ELLIPSOID = {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 1, 0.02]}
@@ -44,7 +44,7 @@ def test_the_mesh_of_a_sphere(run, form):
     where, report = run(sphere(400, output=output(mesh=True, ply={"format": form, "precision": "double"})))
     points = Points((where / "points.ply").read_bytes())
     names, vertices, faces = read_mesh((where / "mesh.ply").read_bytes())
-    assert names[:6] == ["x", "y", "z", "nx", "ny", "nz"] and len(names) == 13
+    assert names == ["x", "y", "z", "nx", "ny", "nz", "spacing_local"]
     assert (vertices[:, :3] == points.position).all() and (vertices[:, 3:6] == points.normal).all()
     hull = ConvexHull(points.position)
     assert {tuple(sorted(f)) for f in faces} == {tuple(sorted(f)) for f in hull.simplices}
@@ -187,7 +187,8 @@ def colour_and_value(where, value):
 def test_colours_rise_with_the_quantity(run, colour, name):
     ellipsoid = {"analytic": {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 0.8, 0.5]}}
     sampling = {"count": 300, **({"alpha": {"d": 1}} if colour == "alpha" else {})}
-    where, _ = run(sphere(surface=ellipsoid, sampling=sampling, output={"preview": {"size": 128, "color": colour}, "preview_exr": True}))
+    where, _ = run(sphere(surface=ellipsoid, sampling=sampling,
+                          output={"preview": {"size": 128, "color": colour}, "preview_exr": True, "ply": EVERY}))
     colours, values = colour_and_value(where, read_columns((where / "points.ply").read_bytes())[name])
     assert len(values) > 50 and spearmanr(colours, values).statistic > 0.995
 

@@ -7,7 +7,7 @@ import json
 import numpy
 import pytest
 
-from readers import Points
+from readers import EVERY, Points
 from reference import Reference
 from service import sphere
 
@@ -26,7 +26,7 @@ def vdb(path, count, grid=None, isovalue=None, **parts):
     if isovalue is not None:
         surface["isovalue"] = isovalue
     spec = {"version": 1, "surface": {"vdb": surface}, "sampling": {"count": count},
-            "solver": {"threads": 1}, "output": {"preview": False}}
+            "solver": {"threads": 1}, "output": {"preview": False, "ply": EVERY}}
     spec.update(parts)
     return spec
 

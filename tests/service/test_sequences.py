@@ -13,6 +13,7 @@ sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / "measurements"
 
 import measure  # noqa: E402
 import sequence  # noqa: E402
+from readers import read_columns  # noqa: E402
 
 FRAMES, COUNT, VOXEL = 20, 1000, 0.08
 
@@ -28,7 +29,7 @@ def footage(tmp_path_factory):
 
 def spec_of(footage, frames, **parts):
     return {"version": 1, "surface": {"vdb": {"path": str(footage / "torus.####.vdb")}}, "sampling": {"count": COUNT},
-            "output": {"preview": False, **parts.pop("output", {})}, "queue": {"frames": frames, "coherent": True},
+            "output": {"preview": False, "ply": {"properties": ["all"]}, **parts.pop("output", {})}, "queue": {"frames": frames, "coherent": True},
             **parts}
 
 
@@ -178,8 +179,17 @@ def test_what_follows_a_frame_that_fails_is_tried_again_with_it(new_service, foo
         assert told["previous_frame"] == frame - 1 and told["carried"] == COUNT
 
 
+def test_a_frame_starts_from_one_with_the_default_properties(worker, footage, tmp_path):
+    spec = spec_of(footage, "1-2", output={"ply": {}})
+    for frame, previous in ((1, ()), (2, ("--previous", "1"))):
+        assert worker(spec, "--frame", frame, *previous, output=str(frame)).returncode in (0, 10, 11)
+    columns = read_columns((tmp_path / "2" / "points.ply").read_bytes())
+    assert list(columns) == "x y z nx ny nz spacing_local id velocity_x velocity_y velocity_z".split()
+    assert json.loads((tmp_path / "2" / "report.json").read_text())["sequence"]["carried"] > 0
+
+
 def test_the_worker_alone_carries_points(worker, footage, tmp_path):
-    spec = spec_of(footage, "1-5x2", output={"ply": {"format": "ascii"}})
+    spec = spec_of(footage, "1-5x2", output={"ply": {"format": "ascii", "properties": ["all"]}})
     assert worker(spec, "--frame", 1, output="1").returncode in (0, 10, 11)
     done = worker(spec, "--frame", 3, "--previous", "1", "--sandbox", "available", "--input-root", footage, output="3")
     assert done.returncode in (0, 10, 11), done.stderr
@@ -300,7 +310,7 @@ def test_frames_of_a_fluid_that_parts_are_in_as_good_order_as_alone(worker, tmp_
     for frame in frames:
         path, members = write_drops(tmp_path, frame, kind)
         spec = {"version": 1, "surface": {kind: {"path": str(path), **members}}, "sampling": {"count": 2000},
-                "output": {"preview": False}}
+                "output": {"preview": False, "ply": {"properties": ["all"]}}}
         assert worker(spec, output="alone").returncode == 0
         spec["surface"][kind]["path"] = str(tmp_path / f"drops.####{path.suffix}")
         spec["queue"] = {"frames": "1-10", "coherent": True}
@@ -328,7 +338,7 @@ def test_points_go_with_an_open_mesh_and_stay_on_its_rim(worker, tmp_path):
     for frame in (1, 2):
         write_bowl(tmp_path / f"bowl.{frame:04d}.obj", (frame - 1) * motion)
     spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "bowl.####.obj")}}, "sampling": {"count": 400},
-            "output": {"preview": False}, "queue": {"frames": "1-2", "coherent": True}}
+            "output": {"preview": False, "ply": {"properties": ["all"]}}, "queue": {"frames": "1-2", "coherent": True}}
     assert worker(spec, "--frame", 1, output="1").returncode == 0
     assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode == 0
     first, (second, report) = read(tmp_path / "1")[0], read(tmp_path / "2")
@@ -347,7 +357,7 @@ def test_points_on_the_edges_of_a_cube_turn_with_it(worker, tmp_path):
         (tmp_path / f"cube.{frame:04d}.obj").write_text("".join("v %.9g %.9g %.9g\n" % tuple(v) for v in places) +
                                                         "".join("f %d %d %d %d\n" % q for q in quads))
     spec = {"version": 1, "surface": {"mesh": {"path": str(tmp_path / "cube.####.obj")}}, "sampling": {"count": 400},
-            "output": {"preview": False}, "queue": {"frames": "1-2", "coherent": True}}
+            "output": {"preview": False, "ply": {"properties": ["all"]}}, "queue": {"frames": "1-2", "coherent": True}}
     assert worker(spec, "--frame", 1, output="1").returncode == 0
     assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode == 0
     first, (second, report) = read(tmp_path / "1")[0], read(tmp_path / "2")

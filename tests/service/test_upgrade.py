@@ -86,7 +86,7 @@ def test_a_waiting_job_has_the_defaults_of_its_build(upgraded, request):
         found = spec["surface"]["mesh"]["interior"], spec["output"]["preview"]["compression"]
         assert found == {"d10413d0": ("keep", "none"), "ef072324": ("auto", "zip"),
                          "7218b1f7": ("auto", "zip")}[request.node.callspec.params["upgraded"]]
-
+    assert {"kappa1", "energy", "spacing"} <= set(hexad.Client(service.environment()["HEXAD_SERVER"]).job(job).points())
 
 
 @pytest.mark.parametrize("upgraded", ["7218b1f7"], indirect=True)

@@ -11,7 +11,7 @@ import pytest
 
 import bars
 import solids
-from readers import read_columns
+from readers import EVERY, read_columns
 from scenes import stack
 
 CASES = int(os.environ.get("HEXAD_WALL_CASES", "8"))
@@ -26,7 +26,7 @@ def run(worker, tmp_path):
     def call(solid, sampling, where="out", **more):
         solid.write(tmp_path / "solid.obj")
         done = worker({"version": 1, "surface": {"mesh": {"path": "solid.obj"}}, "sampling": sampling, "solver": {"threads": 1},
-                       "output": {"preview": False, "ply": {"precision": "double"}}, **more}, output=where)
+                       "output": {"preview": False, "ply": {"precision": "double", **EVERY}}, **more}, output=where)
         assert done.returncode in (0, 10, 11), done.stderr
         return (json.loads((tmp_path / where / "report.json").read_text()),
                 read_columns((tmp_path / where / "points.ply").read_bytes()))

@@ -795,7 +795,7 @@ def wait_until_drawn(browser):
 
 
 def test_many_points_are_turned(service, browser):
-    job = service.submit(sphere(count=2000, name="many", solver={"max_sweeps": 1}, output={"preview": False}))
+    job = service.submit(sphere(count=2000, name="many", solver={"max_sweeps": 1}, output={"preview": False, "ply": {"properties": ["all"]}}))
     service.wait_state(job, "succeeded")
     browser.open(service, f"#/jobs/{job}/points")
     browser.wait_text("2\u202f000 points", ".stats")  # drawn by the processor here, so the window is small
@@ -889,7 +889,7 @@ CONTRASTS = """
 
 
 def test_points_of_the_least_value_are_visible_in_the_dark(service, browser):
-    service.wait_state(job := service.submit(sphere(count=300, output={"preview": False})), "succeeded")
+    service.wait_state(job := service.submit(sphere(count=300, output={"preview": False, "ply": {"properties": ["all"]}})), "succeeded")
     try:
         browser.emulate(prefers_color_scheme="dark")
         browser.open(service, f"#/jobs/{job}/points")

@@ -15,7 +15,7 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from library_meshes import Part, collada_text
-from readers import Points, read_exr, read_mesh, read_png
+from readers import EVERY, Points, read_exr, read_mesh, read_png
 from service import PATIENCE_S, last_words, long_sphere, sphere
 
 OUTPUTS = ["points.ply", "preview.png", "report.json"]
@@ -48,7 +48,7 @@ def start_worker(build, tmp_path):
 
 def volume(path, count=100, **surface):
     spec = sphere(count, surface={"vdb": {"path": str(path), **surface}})
-    spec["output"] = {"preview": False}
+    spec["output"] = {"preview": False, "ply": EVERY}
     return spec
 
 
@@ -387,7 +387,7 @@ def test_a_spec_from_standard_input(worker, tmp_path):
 
 def ellipsoid(count, **sampling):
     return {"version": 1, "surface": {"analytic": {"shape": "ellipsoid", "radii": [1, 0.7, 0.4]}},
-            "sampling": {"count": count, **sampling}, "output": {"preview": False}}
+            "sampling": {"count": count, **sampling}, "output": {"preview": False, "ply": EVERY}}
 
 
 def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
@@ -668,7 +668,7 @@ def test_progress(start_worker, sanitized):
 def ball(build, tmp_path_factory):
     """Report and points of an even sphere of radius 1, in double."""
     where = tmp_path_factory.mktemp("ball")
-    spec = sphere(2000, output={"ply": {"precision": "double"}, "preview": {"size": [320, 256], "channels": "all"}, "preview_exr": True})
+    spec = sphere(2000, output={"ply": {"precision": "double", **EVERY}, "preview": {"size": [320, 256], "channels": "all"}, "preview_exr": True})
     done = subprocess.run([build / "hexad-worker", "run", "-", "--output", where], input=json.dumps(spec), text=True,
                           timeout=PATIENCE_S, stdout=subprocess.DEVNULL, cwd=where)
     assert done.returncode == 0
@@ -923,7 +923,7 @@ def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
 @pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_ply_forms(ball, worker, tmp_path, form, precision):
-    done = worker(sphere(2000, output={"ply": {"format": form, "precision": precision}, "preview": False}))
+    done = worker(sphere(2000, output={"ply": {"format": form, "precision": precision, **EVERY}, "preview": False}))
     assert done.returncode == 0, done.stderr
     data = (tmp_path / "out" / "points.ply").read_bytes()
     points, meant = Points(data), ball[2]

@@ -141,8 +141,11 @@ def interface(build):
             service.wait_state(job, "succeeded")
             rows |= {f"result {item['name']}": [] for item in service.get(f"/v1/jobs/{job}/results").json["results"]}
             rows |= of_report(service.get(f"/v1/jobs/{job}/results/report.json").json)
-            header = service.get(f"/v1/jobs/{job}/results/points.ply").body.partition(b"end_header")[0].decode()
-            rows |= {f"property {name}": [kind] for kind, name in re.findall(r"^property (\w+) (\w+)$", header, re.M)}
+            for key, properties in (("default property", "default"), ("property", "all")):
+                job = service.submit(sphere(60, output={"ply": {"properties": properties}}))
+                service.wait_state(job, "succeeded")
+                header = service.get(f"/v1/jobs/{job}/results/points.ply").body.partition(b"end_header")[0].decode()
+                rows |= {f"{key} {name}": [kind] for kind, name in re.findall(r"^property (\w+) (\w+)$", header, re.M)}
         finally:
             service.clean_up()
     return rows

@@ -23,9 +23,10 @@ typedef struct bytes {
 /* All columns that a set has. */
 static columns all_of(const points *set)
 {
+    static const char *const all[] = {"all"};
     columns what;
     error e = {0};
-    if (!columns_choose(set, NULL, 0, &what, &e)) fail_msg("%s", e.message);
+    if (!columns_choose(set, all, 1, &what, &e)) fail_msg("%s", e.message);
     return what;
 }
 
@@ -361,7 +362,59 @@ static void test_columns(void **state)
     assert_non_null(strstr(e.message, "\"cold\""));
     assert_non_null(strstr(e.message, "heat, wind, label"));
     assert_true(columns_is_own("velocity_x") && columns_is_own("blender") && columns_is_own("rgb") &&
-                columns_is_own("P") && !columns_is_own("heat"));
+                columns_is_own("all") && columns_is_own("P") && !columns_is_own("heat"));
+    point_set_free(&s);
+}
+
+static void check_names(const points *set, const char *const *names, size_t name_count, const char *expected)
+{
+    char found[400] = "";
+    columns what;
+    error e = {0};
+    if (!columns_choose(set, names, name_count, &what, &e)) fail_msg("%s", e.message);
+    for (size_t k = 0; k < what.count; k++)
+        snprintf(found + strlen(found), sizeof found - strlen(found), "%s%s", k ? " " : "",
+                 what.list[k].name);
+    assert_string_equal(found, expected);
+}
+
+/* Without names; the requested spacing if it varies, attributes but where the curvature is defined, and what a
+ * frame of a sequence has. */
+static void test_default_columns(void **state)
+{
+    (void)state;
+    static const double numbers[6] = {0}, defined[3] = {1, 0, 1};
+    static const vec3 vectors[3];
+    static const uint32_t ids[3] = {7, 8, 9};
+    static const point_attribute carried[] = {{"Cd", POINT_ATTRIBUTE_COLOR, 3, &vectors->x, false},
+                                              {"uv", POINT_ATTRIBUTE_UV, 2, numbers, false},
+                                              {"kappa_defined", POINT_ATTRIBUTE_INT, 1, defined, false}};
+    static const char *const word[] = {"default"}, *const more[] = {"kappa_defined", "default", "energy"};
+    point_set s = point_set_sphere(3, vec3_make(0, 0, 0), 1);
+    check_names(&s.points, NULL, 0, "x y z nx ny nz spacing_local");
+    s.points.is_graded = true;
+    check_names(&s.points, NULL, 0, "x y z nx ny nz spacing spacing_local");
+    s.points.is_graded = false;
+    s.points.attribute_count = 3;
+    s.points.attributes = carried;
+    s.points.color = vectors;
+    s.points.uv = numbers;
+    s.points.kappa_defined = defined;
+    for (int k = 0; k < 2; k++)
+        check_names(&s.points, k ? word : NULL, (size_t)k,
+                    "x y z nx ny nz spacing_local red green blue s t Cd_r Cd_g Cd_b uv_s uv_t");
+    check_names(
+        &s.points, more, 3,
+        "x y z kappa_defined nx ny nz spacing_local red green blue s t Cd_r Cd_g Cd_b uv_s uv_t energy");
+    s.points.attribute_count = 0;
+    s.points.uv = NULL;
+    s.points.id = ids;
+    s.points.velocity = vectors;
+    check_names(&s.points, NULL, 0, "x y z nx ny nz spacing_local id velocity_x velocity_y velocity_z");
+    assert_true(columns_have_all((const char *const[]){"energy", "all"}, 2));
+    assert_true(!columns_have_all(more, 3) && !columns_have_all(NULL, 0));
+    assert_true(!columns_have_curvature(NULL, 0) && !columns_have_curvature(word, 1));
+    assert_true(columns_have_curvature(more, 3) && columns_have_curvature((const char *const[]){"all"}, 1));
     point_set_free(&s);
 }
 
@@ -397,6 +450,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_columns),
+        cmocka_unit_test(test_default_columns),
         cmocka_unit_test(test_triangles),
         cmocka_unit_test(test_ids_and_velocities),
         cmocka_unit_test(test_round_trips),

@@ -6,7 +6,7 @@
     >>> import hexad
     >>> points = hexad.sample(vertices, faces, count=10_000)      # a mesh: (V, 3) and (F, 3)
     >>> points = hexad.sample(volume, isovalue=0.5, count=10_000)
-    >>> points.positions, points.normals, points["spacing"], points.outcome, points.report
+    >>> points.positions, points.normals, points["spacing_local"], points.outcome, points.report
 
 help(hexad.sample) lists its arguments. `sample_many` puts the same number of points on each of many surfaces.
 

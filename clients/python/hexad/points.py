@@ -28,6 +28,9 @@ class Columns(Mapping[str, Any]):
     columns: dict[str, Any]
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self.columns:
+            raise KeyError(f'the points have no {name}, but {", ".join(self.columns)}: sample with the properties "all" '
+                           "(output.ply.properties) to have every property")
         return self.columns[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -52,7 +55,7 @@ class Points(Columns):
 
     def together(self, *names: str) -> Any:
         """Columns side by side: an array of NumPy of shape (count, columns); without NumPy a list of tuples."""
-        columns = [self.columns[name] for name in names]
+        columns = [self[name] for name in names]
         return numpy.stack(columns, axis=1) if numpy else list(zip(*columns))
 
     @property
@@ -100,12 +103,12 @@ class Stack(Columns):
     @property
     def positions(self) -> Any:
         """Of shape (M, N, 3)."""
-        return numpy.stack([self.columns[name] for name in ("x", "y", "z")], axis=2)
+        return numpy.stack([self[name] for name in ("x", "y", "z")], axis=2)
 
     @property
     def normals(self) -> Any:
         """Of shape (M, N, 3)."""
-        return numpy.stack([self.columns[name] for name in ("nx", "ny", "nz")], axis=2)
+        return numpy.stack([self[name] for name in ("nx", "ny", "nz")], axis=2)
 
 
 class Element:

@@ -101,7 +101,7 @@ class Sampled(Points):
 
     @property
     def normals(self) -> Any:
-        return self.columns["normal"]
+        return self["normal"]
 
 
 class Samples:
@@ -340,8 +340,8 @@ def sample(surface: Any, faces: Any = None, *, count: int | None = None, affine:
         the name of a file, which hexad-worker reads
         a spec, in which each `path` may be an array: (vertices, faces), (values, affine) or values, and rows of points
     seed, threads, region, attributes, mesh: members of the spec; mesh=True: triangles between the points
-    properties: output.ply.properties of the spec: the names of the properties that the points have (default: all). "minimal": positions
-        and normals. Without `kappa` the curvature of a mesh is not computed, which saves time
+    properties: output.ply.properties of the spec: the names of the properties that the points have. "all": every property. "minimal":
+        positions and normals. The curvature of a mesh takes time: it is computed if "all", `kappa` or colours are among them
     directory, roots: where files are, and below which directories they must be; for a spec
     progress: a function of the phase (load, start, relax, measure, curvature, weights, write) and the fraction of the whole call, 0 to 1,
         which never falls; if its result is true, the call is cancelled

@@ -1104,11 +1104,13 @@ class OutputPly(_OutputPlyRest):
 
     format: The encoding of points.ply. Default: 'binary_little_endian'.
     precision: The type of all properties of points.ply except id. Default: 'float'.
-    properties: Which properties points.ply has, in this order; x, y and z come first. Instead of a list, the
-        name of an application selects the properties that it reads: blender, houdini, meshlab, or minimal
-        (positions and normals). Default: all that doc/report.md lists, and the attributes; doc/formats.md has
-        further names. red, green and blue are those of an attribute of colours, else the colours of alpha or
-        the curvature, with the map of the preview.
+    properties: Which properties points.ply has, in this order; x, y and z come first. default: the normals,
+        spacing_local, spacing if the spacing is graded, the attributes, and id and velocity of coherent
+        sequences. all: all that doc/report.md lists. The name of an application: the properties that it
+        reads: blender, houdini, meshlab, or minimal (positions and normals). doc/formats.md has further
+        names. red, green and blue are those of an attribute of colours, else the colours of alpha or the
+        curvature, with the map of the preview. Without the list: default, with attach all that the points of
+        the result have.
     """
 
 

@@ -13,40 +13,40 @@ typedef struct own_column {
     const char *name;
     property_own of;
     int component;
-    bool by_name; /* not in output of all columns */
+    enum { BY_NAME, IN_ALL, GRADED, BY_DEFAULT } use; /* GRADED: by default if the requested spacing varies */
 } own_column;
 
 static const own_column own[] = {
-    {"x", PROPERTY_OWN_POSITION, 0, false},
-    {"y", PROPERTY_OWN_POSITION, 1, false},
-    {"z", PROPERTY_OWN_POSITION, 2, false},
-    {"nx", PROPERTY_OWN_NORMAL, 0, false},
-    {"ny", PROPERTY_OWN_NORMAL, 1, false},
-    {"nz", PROPERTY_OWN_NORMAL, 2, false},
-    {"kappa", PROPERTY_OWN_KAPPA, 0, false},
-    {"kappa1", PROPERTY_OWN_KAPPA1, 0, false},
-    {"kappa2", PROPERTY_OWN_KAPPA2, 0, false},
-    {"alpha", PROPERTY_OWN_ALPHA, 0, false},
-    {"energy", PROPERTY_OWN_ENERGY, 0, false},
-    {"spacing", PROPERTY_OWN_SPACING, 0, false},
-    {"spacing_local", PROPERTY_OWN_SPACING_LOCAL, 0, false},
-    {"kappa_scale", PROPERTY_OWN_KAPPA_SCALE, 0, false},
-    {"red", PROPERTY_OWN_COLOR, 0, false},
-    {"green", PROPERTY_OWN_COLOR, 1, false},
-    {"blue", PROPERTY_OWN_COLOR, 2, false},
-    {"s", PROPERTY_OWN_UV, 0, false},
-    {"t", PROPERTY_OWN_UV, 1, false},
-    {"radius", PROPERTY_OWN_RADIUS, 0, true},
-    {"pscale", PROPERTY_OWN_RADIUS, 0, true},
-    {"quality", PROPERTY_OWN_KAPPA, 0, true},
-    {"orient_x", PROPERTY_OWN_ORIENT, 0, false},
-    {"orient_y", PROPERTY_OWN_ORIENT, 1, false},
-    {"orient_z", PROPERTY_OWN_ORIENT, 2, false},
-    {"orient_w", PROPERTY_OWN_ORIENT, 3, false},
-    {"id", PROPERTY_OWN_ID, 0, false},
-    {"velocity_x", PROPERTY_OWN_VELOCITY, 0, false},
-    {"velocity_y", PROPERTY_OWN_VELOCITY, 1, false},
-    {"velocity_z", PROPERTY_OWN_VELOCITY, 2, false},
+    {"x", PROPERTY_OWN_POSITION, 0, BY_DEFAULT},
+    {"y", PROPERTY_OWN_POSITION, 1, BY_DEFAULT},
+    {"z", PROPERTY_OWN_POSITION, 2, BY_DEFAULT},
+    {"nx", PROPERTY_OWN_NORMAL, 0, BY_DEFAULT},
+    {"ny", PROPERTY_OWN_NORMAL, 1, BY_DEFAULT},
+    {"nz", PROPERTY_OWN_NORMAL, 2, BY_DEFAULT},
+    {"kappa", PROPERTY_OWN_KAPPA, 0, IN_ALL},
+    {"kappa1", PROPERTY_OWN_KAPPA1, 0, IN_ALL},
+    {"kappa2", PROPERTY_OWN_KAPPA2, 0, IN_ALL},
+    {"alpha", PROPERTY_OWN_ALPHA, 0, IN_ALL},
+    {"energy", PROPERTY_OWN_ENERGY, 0, IN_ALL},
+    {"spacing", PROPERTY_OWN_SPACING, 0, GRADED},
+    {"spacing_local", PROPERTY_OWN_SPACING_LOCAL, 0, BY_DEFAULT},
+    {"kappa_scale", PROPERTY_OWN_KAPPA_SCALE, 0, IN_ALL},
+    {"red", PROPERTY_OWN_COLOR, 0, BY_DEFAULT},
+    {"green", PROPERTY_OWN_COLOR, 1, BY_DEFAULT},
+    {"blue", PROPERTY_OWN_COLOR, 2, BY_DEFAULT},
+    {"s", PROPERTY_OWN_UV, 0, BY_DEFAULT},
+    {"t", PROPERTY_OWN_UV, 1, BY_DEFAULT},
+    {"radius", PROPERTY_OWN_RADIUS, 0, BY_NAME},
+    {"pscale", PROPERTY_OWN_RADIUS, 0, BY_NAME},
+    {"quality", PROPERTY_OWN_KAPPA, 0, BY_NAME},
+    {"orient_x", PROPERTY_OWN_ORIENT, 0, BY_DEFAULT},
+    {"orient_y", PROPERTY_OWN_ORIENT, 1, BY_DEFAULT},
+    {"orient_z", PROPERTY_OWN_ORIENT, 2, BY_DEFAULT},
+    {"orient_w", PROPERTY_OWN_ORIENT, 3, BY_DEFAULT},
+    {"id", PROPERTY_OWN_ID, 0, BY_DEFAULT},
+    {"velocity_x", PROPERTY_OWN_VELOCITY, 0, BY_DEFAULT},
+    {"velocity_y", PROPERTY_OWN_VELOCITY, 1, BY_DEFAULT},
+    {"velocity_z", PROPERTY_OWN_VELOCITY, 2, BY_DEFAULT},
 };
 enum { OWN = sizeof own / sizeof *own, AXES = 3, IN_SEQUENCES = OWN - 4 };
 
@@ -83,14 +83,15 @@ static bool fill_own(const points *s, const own_column *o, column *out)
     return array || out->type == COLUMN_UINT; /* without ids, ids are the indices of the points */
 }
 
-/* Whether the column is written in output of all columns. */
-static bool is_written(const points *s, const own_column *o)
+/* Whether the column is among all columns, or among those of the default. */
+static bool is_written(const points *s, const own_column *o, bool all)
 {
     bool has_color = false;
     for (size_t k = 0; k < s->attribute_count; k++)
         has_color |= s->attributes[k].kind == POINT_ATTRIBUTE_COLOR;
     if (o->of == PROPERTY_OWN_ID) return s->id != NULL;
-    return !o->by_name && (o->of != PROPERTY_OWN_COLOR || has_color);
+    if (o->of == PROPERTY_OWN_COLOR) return has_color;
+    return o->use == BY_DEFAULT || (o->use == GRADED && s->is_graded) || (all && o->use != BY_NAME);
 }
 
 column_type column_type_of_range(double least, double most)
@@ -141,12 +142,14 @@ static bool add(columns *list, const column *c, error *e)
     return true;
 }
 
-/* Adds the columns of the attributes with this name; NULL: of all. Returns their number, or -1: too many. */
-static int add_attributes(const points *s, const char *name, columns *list, error *e)
+/* Adds the columns of the attributes with this name; NULL: of all but one with the values `without`, if that is
+ * not NULL. Returns their number, or -1: too many. */
+static int add_attributes(const points *s, const char *name, const double *without, columns *list, error *e)
 {
     int found = 0;
     for (size_t k = 0; k < s->attribute_count; k++)
         for (int c = 0; c < s->attributes[k].components; c++) {
+            if (without && s->attributes[k].values == without) continue;
             column made;
             attribute_column(&s->attributes[k], c, s->count, &made);
             if (name && strcmp(name, s->attributes[k].name) != 0 && strcmp(name, made.name) != 0) continue;
@@ -156,15 +159,29 @@ static int add_attributes(const points *s, const char *name, columns *list, erro
     return found;
 }
 
+/* Adds all columns, or those of the default. */
+static bool add_set(const points *s, bool all, columns *list, error *e)
+{
+    column made;
+    for (int k = 0; k < IN_SEQUENCES; k++)
+        if (is_written(s, &own[k], all) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
+    if (add_attributes(s, NULL, all ? NULL : s->kappa_defined, list, e) < 0) return false;
+    for (int k = IN_SEQUENCES; k < OWN; k++)
+        if (is_written(s, &own[k], all) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
+    return true;
+}
+
 /* Adds the columns of a name. Returns their number, 0: the name is unknown, -1: too many. */
 static int add_named(const points *s, const char *name, columns *list, error *e)
 {
     column made;
-    if (strcmp(name, "attributes") == 0) return add_attributes(s, NULL, list, e) < 0 ? -1 : 1;
+    if (strcmp(name, "attributes") == 0) return add_attributes(s, NULL, NULL, list, e) < 0 ? -1 : 1;
+    if (strcmp(name, "all") == 0) return add_set(s, true, list, e) ? 1 : -1;
+    if (strcmp(name, "default") == 0) return add_set(s, false, list, e) ? 1 : -1;
     for (int k = 0; k < OWN; k++)
         if (strcmp(name, own[k].name) == 0 && fill_own(s, &own[k], &made))
             return add(list, &made, e) ? 1 : -1;
-    return add_attributes(s, name, list, e);
+    return add_attributes(s, name, NULL, list, e);
 }
 
 static bool missing(const points *s, const char *name, error *e)
@@ -187,17 +204,6 @@ static bool add_application(const points *s, const struct application *a, column
     return true;
 }
 
-static bool add_all(const points *s, columns *list, error *e)
-{
-    column made;
-    for (int k = 0; k < IN_SEQUENCES; k++)
-        if (is_written(s, &own[k]) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
-    if (add_attributes(s, NULL, list, e) < 0) return false;
-    for (int k = IN_SEQUENCES; k < OWN; k++)
-        if (is_written(s, &own[k]) && fill_own(s, &own[k], &made) && !add(list, &made, e)) return false;
-    return true;
-}
-
 static const struct application *find_application(const char *name)
 {
     for (size_t k = 0; k < APPLICATIONS; k++)
@@ -212,7 +218,7 @@ bool columns_choose(const points *set, const char *const *names, size_t name_cou
     out->count = 0;
     for (int k = 0; k < AXES; k++)
         if (fill_own(set, &own[k], &made)) add(out, &made, NULL);
-    if (!names) return add_all(set, out, e);
+    if (!names) return add_set(set, false, out, e);
     for (size_t k = 0; k < name_count; k++) {
         const struct application *a = find_application(names[k]);
         int found = a ? add_application(set, a, out, e) ? 1 : -1 : add_named(set, names[k], out, e);
@@ -248,9 +254,15 @@ bool columns_need_color(const char *const *names, size_t name_count)
     return any_name(names, name_count, is_color);
 }
 
+static bool is_all(const char *name)
+{
+    return strcmp(name, "all") == 0;
+}
+
 static bool shows_curvature(const char *name)
 {
-    bool is = is_color(name) || strcmp(name, POINTS_KAPPA_DEFINED) == 0 || strcmp(name, "attributes") == 0;
+    bool is = is_color(name) || is_all(name) || strcmp(name, POINTS_KAPPA_DEFINED) == 0 ||
+              strcmp(name, "attributes") == 0;
     for (int k = 0; k < OWN; k++)
         is |= own[k].of >= PROPERTY_OWN_KAPPA && own[k].of <= PROPERTY_OWN_KAPPA2 &&
               strcmp(name, own[k].name) == 0;
@@ -260,6 +272,11 @@ static bool shows_curvature(const char *name)
 bool columns_have_curvature(const char *const *names, size_t name_count)
 {
     return any_name(names, name_count, shows_curvature);
+}
+
+bool columns_have_all(const char *const *names, size_t name_count)
+{
+    return any_name(names, name_count, is_all);
 }
 
 bool columns_have_property(const columns *list, const property *p)
@@ -276,8 +293,8 @@ bool columns_have_property(const columns *list, const property *p)
 
 bool columns_is_own(const char *name)
 {
-    /* names of VDB points, and the word for all attributes */
-    static const char *const others[] = {"P", "N", "attributes"};
+    /* names of VDB points, and the words for several columns */
+    static const char *const others[] = {"P", "N", "attributes", "all", "default"};
     for (property_own k = PROPERTY_OWN_POSITION; k <= PROPERTY_OWN_UV; k++)
         if (strcmp(name, property_arrays[k].name) == 0) return true;
     for (int k = 0; k < OWN; k++)
@@ -316,7 +333,7 @@ static const own_column *first_column(const columns *list, property_own of)
     const own_column *first = NULL;
     int found = 0;
     for (int k = 0; k < OWN; k++) {
-        if (own[k].of != of || own[k].by_name) continue;
+        if (own[k].of != of || own[k].use == BY_NAME) continue;
         if (!first) first = &own[k];
         for (size_t c = 0; c < list->count; c++)
             found += list->list[c].type == type_of(&own[k]) && strcmp(list->list[c].name, own[k].name) == 0;
@@ -334,7 +351,7 @@ bool columns_lay_out(columns *list, points *set, void **storage, error *e)
             memcpy((char *)set + property_arrays[own[k].of].member, &next, sizeof next);
             next += set->count * (size_t)property_arrays[own[k].of].components;
         }
-        for (size_t c = 0; first && !own[k].by_name && c < list->count; c++)
+        for (size_t c = 0; first && own[k].use != BY_NAME && c < list->count; c++)
             if (strcmp(list->list[c].name, own[k].name) == 0) fill_own(set, &own[k], &list->list[c]);
     }
     for (size_t c = 0; next && c < list->count; c++) {

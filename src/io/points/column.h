@@ -47,9 +47,11 @@ typedef struct columns {
 } columns;
 
 /* Chooses the columns with these names, in this order, and for a set with ids those that the next frame of a
- * sequence reads. `names` NULL: all properties of the points, color and texture coordinates if attributes
- * have them, and all attributes. x, y and z always come first. Errors: attribute_missing (the set lacks a
- * name). */
+ * sequence reads. "all": all properties of the points, color and texture coordinates if attributes have them,
+ * and all attributes. "default": of these the position, normal, achieved spacing, color, texture coordinates,
+ * orientation, id and velocity, the requested spacing if set->is_graded, and the attributes except that of
+ * set->kappa_defined. `names` NULL: "default". x, y and z always come first. Errors: attribute_missing (the
+ * set lacks a name). */
 bool columns_choose(const points *set, const char *const *names, size_t name_count, columns *out, error *e);
 
 /* Whether one of the names is a column of the color. */
@@ -57,6 +59,9 @@ bool columns_need_color(const char *const *names, size_t name_count);
 
 /* Whether one of the names may be a column of the curvature, of `kappa_defined`, or of colors that show it. */
 bool columns_have_curvature(const char *const *names, size_t name_count);
+
+/* Whether one of the names is "all". */
+bool columns_have_all(const char *const *names, size_t name_count);
 
 /* False if the name is a property of the points with a different type. */
 bool columns_suits(const char *name, column_type type);

@@ -45,6 +45,7 @@ typedef struct points {
     const double *alpha;         /* repulsion amplitude of (13); 1 without alpha and equalised areas */
     const double *energy;        /* E_i, the sum over all neighbours */
     const double *spacing;       /* requested spacing at the point */
+    bool is_graded;              /* the requested spacing varies by a grading or amplitudes */
     const double *spacing_local; /* achieved spacing, sqrt(2 a / sqrt 3) */
     const double *degree;        /* number of Voronoi neighbours; or NULL */
     const double *kappa_scale;   /* curvature averaged over a distance; or NULL */

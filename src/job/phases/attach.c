@@ -10,9 +10,11 @@
 #include <unistd.h>
 
 #include "base/core/memory.h"
+#include "geometry/space/packing.h"
 #include "io/points/ply.h"
 #include "io/points/property.h"
 #include "job/phases/job.h"
+#include "job/phases/output_points.h"
 #include "job/report/report.h"
 #include "job/phases/surface_meshes.h"
 #include "job/phases/upright.h"
@@ -172,15 +174,7 @@ static bool find_places(attach *a, error *e)
 
 static bool check_properties(const points *p, error *e)
 {
-    const char *missing = !p->normal          ? "nx, ny and nz"
-                          : !p->kappa         ? "kappa"
-                          : !p->kappa1        ? "kappa1"
-                          : !p->kappa2        ? "kappa2"
-                          : !p->alpha         ? "alpha"
-                          : !p->energy        ? "energy"
-                          : !p->spacing       ? "spacing"
-                          : !p->spacing_local ? "spacing_local"
-                                              : NULL;
+    const char *missing = !p->normal ? "nx, ny and nz" : !p->spacing_local ? "spacing_local" : NULL;
     return !missing || error_set(e, ERROR_ATTRIBUTE_MISSING,
                                  "/sampling/attach: the points have no %s: sample the surface without "
                                  "output.ply.properties",
@@ -194,8 +188,9 @@ static bool check_values(const points *p, error *e)
     for (size_t i = 0; i < p->count; i++) {
         const vec3 x = p->position[i];
         const double length = vec3_norm(p->normal[i]);
-        if (!(p->spacing[i] > 0 && p->spacing_local[i] > 0 && length > 0.5 && length < 2 &&
-              fabs(x.x) <= largest && fabs(x.y) <= largest && fabs(x.z) <= largest))
+        const bool is_spaced = p->spacing_local[i] > 0 && (!p->spacing || p->spacing[i] > 0);
+        if (!(is_spaced && length > 0.5 && length < 2 && fabs(x.x) <= largest && fabs(x.y) <= largest &&
+              fabs(x.z) <= largest))
             return error_set(
                 e, ERROR_INPUT_DAMAGED,
                 "/sampling/attach: point %zu has no unit normal, no spacing above 0, or a position "
@@ -267,18 +262,32 @@ static bool load(job *j, error *e)
            read_points(a, e);
 }
 
+/* The area of the result's surface: the sum of the areas of its points' cells. */
+static double area_of(const points *p)
+{
+    double sum = 0;
+    for (size_t i = 0; i < p->count; i++) sum += 0.5 * sqrt(3) * p->spacing_local[i] * p->spacing_local[i];
+    return sum;
+}
+
+/* The mean requested spacing: of the points, otherwise that of the area, as in the report of the result. */
+static double mean_spacing(const points *p)
+{
+    double sum = 0;
+    if (!p->spacing) return packing_spacing(area_of(p), (double)p->count);
+    for (size_t i = 0; i < p->count; i++) sum += p->spacing[i];
+    return sum / (double)p->count;
+}
+
 static bool place(job *j, error *e)
 {
     attach *a = (attach *)j;
     const points *p = &a->file.points;
-    double sum = 0;
     progress_enter(&j->progress, PROGRESS_START);
-    for (size_t i = 0; i < p->count; i++) {
-        sum += p->spacing[i];
-        a->without += a->places[ATTACHMENT_MESH][i] < 0;
-    }
-    a->spacing = sum / (double)p->count;
+    for (size_t i = 0; i < p->count; i++) a->without += a->places[ATTACHMENT_MESH][i] < 0;
     a->set = *p;
+    a->set.is_graded = p->spacing != NULL; /* the word "default" means what it meant for the result */
+    a->spacing = mean_spacing(p);
     a->set.orient = NULL; /* computed again from the new normals */
     return attachment_evaluate(a->meshes.file, a->meshes.count, j->memory, p->count, a->places,
                                (vec3 *)p->position, (vec3 *)p->normal, e);
@@ -320,6 +329,21 @@ static bool has_values(attach *a, spec_attribute *one, bool *out, error *e)
     return false;
 }
 
+/* Reads the values of the attributes that are not known; points without a requested spacing have the mean. */
+static bool read_values(attach *a, error *e)
+{
+    job *j = &a->job;
+    const double *known = a->set.spacing;
+    double *even = known ? NULL : mem_array(a->set.count, sizeof *even, what, e);
+    for (size_t i = 0; even && i < a->set.count; i++) even[i] = a->spacing;
+    a->set.spacing = known ? known : even;
+    const bool ok =
+        a->set.spacing && attributes_read(&j->attributes, &j->source, NULL, j->memory, &a->set, e);
+    a->set.spacing = known;
+    free(even);
+    return ok;
+}
+
 /* Reads the attributes from files at the new positions. All other attributes keep the values of the
  * result. */
 static bool read_attributes(job *j, error *e)
@@ -341,19 +365,43 @@ static bool read_attributes(job *j, error *e)
     if (ok) {
         attributes_adopt(&j->attributes, a->attributes, a->kept);
         a->kept = 0;
-        ok = attributes_read(&j->attributes, &j->source, NULL, j->memory, &a->set, e);
+        ok = read_values(a, e);
     }
     free(chosen);
     return ok;
+}
+
+/* The outputs of the spec: by default all properties that the points have. A preview of values that they lack is
+ * shaded, with a warning. */
+static spec outputs_of(const attach *a)
+{
+    static const char *const all[] = {"all"};
+    spec how = *a->job.spec;
+    const quantity_look look = output_points_look(&how);
+    if (!how.ply_properties) {
+        how.ply_properties = (char **)all;
+        how.ply_property_count = 1;
+    }
+    if (!how.has_preview || how.preview_attribute || !quantity_has_scale(look.which) ||
+        quantity_values(&a->set, &look))
+        return how;
+    how.preview_color = SPEC_COLOR_SHADING;
+    char *text = mem_printf("the preview is shaded, because the points have no %s: sample the surface with "
+                            "\"all\" in output.ply.properties",
+                            quantity_title(&look));
+    json_append_string(a->warnings, text);
+    free(text);
+    return how;
 }
 
 static bool write_files(job *j, error *e)
 {
     attach *a = (attach *)j;
     const delivery *to = &j->options->delivery;
+    const spec how = outputs_of(a);
     char *comments = surface_meshes_comments(&a->meshes);
     progress_enter(&j->progress, PROGRESS_WRITE);
-    const results_input in = {.spec = j->spec,
+    const results_input in = {.spec = &how,
                               .set = &a->set,
                               .comments = comments,
                               .frame = j->options->frame,
@@ -442,14 +490,6 @@ bool attach_run(const spec *s, const run_options *options, outcome_kind *outcome
     }
     end(&a);
     return ok;
-}
-
-/* The area of the result's surface: the sum of the areas of its points' cells. */
-static double area_of(const points *p)
-{
-    double sum = 0;
-    for (size_t i = 0; i < p->count; i++) sum += 0.5 * sqrt(3) * p->spacing_local[i] * p->spacing_local[i];
-    return sum;
 }
 
 json *attach_estimate(const spec *s, const run_options *options, error *e)

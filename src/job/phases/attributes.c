@@ -12,6 +12,7 @@
 #include "base/core/precision.h"
 #include "io/points/column.h"
 #include "io/points/property.h"
+#include "io/points/writers.h"
 #include "geometry/space/affine.h"
 #include "job/phases/instances.h"
 #include "files/sent_file.h"
@@ -216,11 +217,26 @@ static bool find_one(const spec *s, source *from, size_t memory_limit, attribute
     return true;
 }
 
+/* Whether the attribute of this name, which may be NULL, is that of the curvature. */
+static bool is_defined(const char *name)
+{
+    return name && strcmp(name, POINTS_KAPPA_DEFINED) == 0;
+}
+
+/* Whether the preview shows the curvature, or where it is defined. */
+static bool shows_curvature(const spec *s)
+{
+    const bool in_exr = s->has_preview_exr && s->preview_channels == SPEC_CHANNELS_ALL;
+    return s->has_preview && (in_exr || (s->preview_attribute ? is_defined(s->preview_attribute)
+                                                              : s->preview_color == SPEC_COLOR_CURVATURE));
+}
+
 bool attributes_have_curvature(const spec *s)
 {
-    bool has = s->has_preview || !s->ply_properties ||
+    bool has = shows_curvature(s) || is_defined(s->orient.twist) || is_defined(s->instancer.scale) ||
                columns_have_curvature((const char *const *)s->ply_properties, s->ply_property_count);
-    for (int k = 0; k < FILE_FORMATS; k++) has |= s->points_in[k] || s->mesh_in[k];
+    for (int k = 0; k < FILE_FORMATS; k++)
+        has |= writers[k].write[WRITER_POINTS] && (s->points_in[k] || s->mesh_in[k]);
     for (size_t k = 0; k < s->attribute_count; k++)
         has |= spec_attribute_is(&s->attributes[k], SPEC_GEOMETRY_DIRECTION1) ||
                spec_attribute_is(&s->attributes[k], SPEC_GEOMETRY_DIRECTION2);
@@ -252,6 +268,7 @@ static bool check_outputs(const spec *s, const attributes *a, error *e)
                   .alpha = &number,
                   .energy = &number,
                   .spacing = &number,
+                  .is_graded = true,
                   .spacing_local = &number,
                   .color = &vector};
     if (s->coherent) {

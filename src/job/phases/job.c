@@ -771,6 +771,7 @@ bool job_write_points(job *j, error *e)
                   .alpha = p->alpha,
                   .energy = p->energy,
                   .spacing = p->spacing,
+                  .is_graded = spec_is_graded(j->spec) || j->spec->has_alpha,
                   .spacing_local = s->spacing_local,
                   .degree = s->degree,
                   .id = j->sequence.id,

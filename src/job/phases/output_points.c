@@ -166,8 +166,8 @@ bool output_points_make(const results_input *in, bool has_color, threads *pool, 
     }
     if (!instances_make(s, in->set, &out->turned, e)) return false;
     if (s->has_orient) out->set.orient = out->turned.orient;
-    if (out->set.color || !has_color) return true;
     const quantity_look look = look_of_points(s);
+    if (out->set.color || !has_color || !quantity_values(&out->set, &look)) return true;
     out->color = mem_array(out->set.count, sizeof *out->color, "colors", e);
     if (!out->color || !quantity_colors(&out->set, &look, out->color, e)) return false;
     out->set.color = out->color;

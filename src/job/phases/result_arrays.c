@@ -85,12 +85,12 @@ static bool take_points(void *context, const results_input *in, threads *pool, j
     const size_t wanted_count = in->spec->ply_property_count;
     columns chosen = {.count = 0};
     bool ok = output_points_make(in, columns_need_color(wanted, wanted_count), pool, &final, &facts, e) &&
-              (!wanted || columns_choose(&final.set, wanted, wanted_count, &chosen, e));
+              columns_choose(&final.set, wanted, wanted_count, &chosen, e);
     const points *set = &final.set;
     property *list = mem_alloc((PROPERTIES_OWN + set->attribute_count) * sizeof *list);
     const size_t count = ok ? property_list(set, list) : 0;
     for (size_t k = 0; ok && k < count; k++)
-        if (!wanted || columns_have_property(&chosen, &list[k]))
+        if (columns_have_all(wanted, wanted_count) || columns_have_property(&chosen, &list[k]))
             ok = add_property(r, &list[k], set->count, e);
     if (ok && in->spec->has_mesh) {
         output_mesh made;

@@ -447,6 +447,10 @@ static const char add_pieces[] =
     "  (SELECT coalesce(sum(ready + delayed + running), 0) FROM job WHERE job.owner = owner.name);"
     "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes;" STATE_COUNT_CHANGES ENDED;
 static const char add_uncopied[] = UNCOPIED REMOVAL_OF_TASK;
+/* Migration from version 20, in which points had all properties by default. */
+static const char keep_properties[] =
+    "UPDATE spec SET spec = json_set(spec, '$.output.ply.properties', json('[\"all\"]'))"
+    "  WHERE json_valid(spec) AND json_extract(spec, '$.output.ply.properties') IS NULL;";
 /* Migration from version 11, see add_reports, and from versions whose builds copied the hash of a report with its
  * summary to other reports. */
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
@@ -478,6 +482,7 @@ static const struct step {
     {11, 20, find_linked_reports},
     {11, 11, find_copies},
     {11, 20, add_uncopied},
+    {11, 20, keep_properties},
 };
 
 bool schema_error_is_damage(int code)
