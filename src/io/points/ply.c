@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/core/memory.h"
+#include "base/core/number.h"
 #include "base/core/precision.h"
 
 /* Points per block: with twenty columns a block fits into a second-level cache. */
@@ -25,7 +26,8 @@ static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
 /* Types of integers do not depend on the precision of reals. */
 static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar", "double", "double"};
-static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1, 8, 8};
+static const number_type stored_as[COLUMN_TYPES] = {NUMBER_FLOAT, NUMBER_UINT32, NUMBER_INT32,
+                                                    NUMBER_UINT8, NUMBER_DOUBLE, NUMBER_DOUBLE};
 static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0, -PRECISION_WHOLE_MOST, -DBL_MAX},
                     type_most[COLUMN_TYPES] = {0,         UINT32_MAX,           INT32_MAX,
                                                UINT8_MAX, PRECISION_WHOLE_MOST, DBL_MAX};
@@ -44,9 +46,14 @@ static const char *type_name(column_type type, ply_precision precision)
     return type == COLUMN_REAL ? precision_names[precision] : type_names[type];
 }
 
+static number_type number_of(column_type type, ply_precision precision)
+{
+    return type == COLUMN_REAL && precision == PLY_DOUBLE ? NUMBER_DOUBLE : stored_as[type];
+}
+
 static size_t bytes_of(column_type type, ply_precision precision)
 {
-    return type != COLUMN_REAL ? type_bytes[type] : precision == PLY_FLOAT ? 4 : 8;
+    return number_bytes(number_of(type, precision));
 }
 
 /* Bytes of a binary point. */
@@ -85,50 +92,21 @@ static bool check_row(const double *row, const columns *what, size_t i, ply_prec
     return true;
 }
 
-static bool is_double(column_type type, ply_precision precision)
-{
-    return type == COLUMN_DOUBLE || type == COLUMN_LONG_REAL ||
-           (type == COLUMN_REAL && precision == PLY_DOUBLE);
-}
-
 /* Packs a number of any type. */
 static void pack(double value, column_type type, ply_precision precision, char *out)
 {
-    const size_t bytes = bytes_of(type, precision);
+    const number_type number = number_of(type, precision);
     const float single = (float)value;
     uint64_t bits = 0;
     uint32_t half = 0;
-    if (is_double(type, precision))
+    if (number == NUMBER_DOUBLE)
         memcpy(&bits, &value, sizeof value);
-    else if (type == COLUMN_REAL)
+    else if (number == NUMBER_FLOAT)
         memcpy(&half, &single, sizeof single);
     else
         half = (uint32_t)(int64_t)value;
     bits = htole64(bits | half);
-    memcpy(out, &bits, bytes);
-}
-
-static double unpack(const char *in, column_type type, ply_precision precision)
-{
-    uint64_t bits = 0;
-    memcpy(&bits, in, bytes_of(type, precision));
-    bits = le64toh(bits);
-    const uint32_t half = (uint32_t)bits;
-    double value;
-    float single;
-    memcpy(&value, &bits, sizeof value);
-    memcpy(&single, &half, sizeof single);
-    switch (type) {
-    case COLUMN_REAL:
-        return precision == PLY_DOUBLE ? value : (double)single;
-    case COLUMN_DOUBLE:
-    case COLUMN_LONG_REAL:
-        return value;
-    case COLUMN_INT:
-        return (int32_t)half;
-    default:
-        return half;
-    }
+    memcpy(out, &bits, number_bytes(number));
 }
 
 /* Packs the column of points `from` to `to` - 1; consecutive numbers are `row` bytes apart. False: a number
@@ -312,8 +290,9 @@ static size_t pack_face(const face *f, bool has_labels, column_type label, char 
     out[0] = 3;
     for (int c = 0; c < 3; c++) pack(f->corner[c], COLUMN_UINT, PLY_FLOAT, out + 1 + 4 * c);
     for (int c = 0; has_labels && c < 2; c++)
-        pack((double)f->label[c], label, PLY_FLOAT, out + FACE_BYTES + type_bytes[label] * (size_t)c);
-    return has_labels ? FACE_BYTES + 2 * type_bytes[label] : FACE_BYTES;
+        pack((double)f->label[c], label, PLY_FLOAT,
+             out + FACE_BYTES + number_bytes(stored_as[label]) * (size_t)c);
+    return has_labels ? FACE_BYTES + 2 * number_bytes(stored_as[label]) : FACE_BYTES;
 }
 
 static face face_of(const points *set, size_t k)
@@ -498,8 +477,9 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
 static void unpack_row(const char *in, const columns *what, ply_precision precision, double *row)
 {
     for (size_t c = 0; c < what->count; c++) {
-        row[c] = unpack(in, what->list[c].type, precision);
-        in += bytes_of(what->list[c].type, precision);
+        const number_type number = number_of(what->list[c].type, precision);
+        row[c] = number_value(in, number, NUMBER_LITTLE_SWAPPED);
+        in += number_bytes(number);
     }
 }
 
