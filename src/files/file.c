@@ -16,6 +16,7 @@
 
 #include "base/core/clock.h"
 #include "base/core/denial.h"
+#include "base/core/hex.h"
 #include "base/core/memory.h"
 #include "base/core/transfer.h"
 
@@ -246,7 +247,7 @@ void store_print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE])
 {
     uint8_t digest[SHA256_DIGEST_SIZE];
     sha256_digest(context, sizeof digest, digest);
-    for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+    hex_print(digest, sizeof digest, hex);
 }
 
 bool store_file_check_private(int fd, const char *path, error *e)

@@ -16,6 +16,7 @@
 #include "files/scope.h"
 #include "base/core/clock.h"
 #include "base/core/denial.h"
+#include "base/core/hex.h"
 #include "base/core/memory.h"
 #include "files/file.h"
 
@@ -24,21 +25,6 @@
 #define MOST_PRIORITY 1000 /* the limit of priorities in specs */
 
 static const char user_letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._@-";
-
-static void print_hex(const uint8_t *bytes, size_t count, char *text)
-{
-    for (size_t i = 0; i < count; i++) sprintf(text + 2 * i, "%02x", bytes[i]);
-}
-
-static bool read_hex(const char *text, uint8_t *bytes, size_t count)
-{
-    if (strlen(text) != 2 * count || strspn(text, "0123456789abcdef") != 2 * count) return false;
-    for (size_t i = 0; i < count; i++) {
-        const char pair[3] = {text[2 * i], text[2 * i + 1], '\0'};
-        bytes[i] = (uint8_t)strtoul(pair, NULL, 16);
-    }
-    return true;
-}
 
 static void hash_text(const char *text, uint8_t hash[32])
 {
@@ -80,7 +66,7 @@ static bool read_token(char *line, token *t)
         word[count++] = w;
     }
     if (count < 5 || !is_user(word[1]) || !scope_parse(word[2], &t->scopes) ||
-        !read_hex(word[3], t->hash, 32))
+        !hex_read(word[3], t->hash, sizeof t->hash) || word[3][2 * sizeof t->hash])
         return false;
     if (strlen(word[0]) != TOKEN_ID_SIZE - 1 || strncmp(word[0], word[3], TOKEN_ID_SIZE - 1) != 0)
         return false;
@@ -205,9 +191,9 @@ const token *token_set_add(token_set *set, const char *user, unsigned scopes, in
         return NULL;
     }
     strcpy(text, TOKEN_PREFIX);
-    print_hex(secret, sizeof secret, text + strlen(TOKEN_PREFIX));
+    hex_print(secret, sizeof secret, text + strlen(TOKEN_PREFIX));
     hash_text(text, t.hash);
-    print_hex(t.hash, (TOKEN_ID_SIZE - 1) / 2, t.id);
+    hex_print(t.hash, (TOKEN_ID_SIZE - 1) / 2, t.id);
     strcpy(t.user, user);
     return append(set, &t);
 }
@@ -262,7 +248,7 @@ bool token_set_write(const char *path, const token_set *set, gid_t group, error 
     for (size_t i = 0; i < set->count; i++) {
         const token *t = &set->item[i];
         char scopes[SCOPE_TEXT_SIZE], hash[2 * sizeof t->hash + 1];
-        print_hex(t->hash, sizeof t->hash, hash);
+        hex_print(t->hash, sizeof t->hash, hash);
         fprintf(file.stream, "%s %s %s %s %lld", t->id, t->user, scope_print(t->scopes, scopes), hash,
                 (long long)t->created_ms);
         if (t->max_priority != TOKEN_ANY_PRIORITY) fprintf(file.stream, " %d", t->max_priority);

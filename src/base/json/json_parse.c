@@ -11,6 +11,7 @@
 
 #include <cjson/cJSON.h>
 
+#include "base/core/hex.h"
 #include "base/core/memory.h"
 #include "base/core/utf8.h"
 #include "base/json/json_internal.h"
@@ -71,17 +72,9 @@ static bool read_hex4(parser *p, unsigned *out)
 {
     unsigned value = 0;
     for (int i = 0; i < 4; i++, p->at++) {
-        int c = peek(p);
-        unsigned digit;
-        if (is_digit(c))
-            digit = (unsigned)(c - '0');
-        else if (c >= 'a' && c <= 'f')
-            digit = (unsigned)(c - 'a') + 10;
-        else if (c >= 'A' && c <= 'F')
-            digit = (unsigned)(c - 'A') + 10;
-        else
-            return fault(p, "\\u needs four hexadecimal digits");
-        value = value * 16 + digit;
+        const int digit = hex_digit((char)peek(p));
+        if (digit < 0) return fault(p, "\\u needs four hexadecimal digits");
+        value = value * 16 + (unsigned)digit;
     }
     *out = value;
     return true;

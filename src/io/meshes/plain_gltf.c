@@ -9,9 +9,11 @@
 #include <string.h>
 
 #include "base/core/elementary.h"
+#include "base/core/hex.h"
 #include "geometry/space/affine.h"
 #include "base/core/number.h"
 #include "base/json/json.h"
+#include "io/meshes/base64.h"
 #include "io/meshes/plain_textures.h"
 
 enum { MAGIC_BYTES = 4, HEAD = 12, CHUNK_HEAD = 8, DEEPEST_NODE = 200 };
@@ -91,62 +93,20 @@ static const json *item_at(const list *l, double index)
 
 /* ---- buffers */
 
-static int base64_digit(char c)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    const char *found = c ? strchr(digits, c) : NULL;
-    return found ? (int)(found - digits) : -1;
-}
-
-/* `what`: "base64 data of buffer" or of another object with this index, for messages. */
-static bool decode_base64(gltf *g, const char *text, size_t length, const char *what, size_t index,
-                          buffer *out)
-{
-    uint32_t bits = 0;
-    char *to = out->decoded = malloc(length / 4 * 3 + 4);
-    if (!to) return no_memory(g);
-    for (size_t k = 0; k < length && text[k] != '='; k++) {
-        const int digit = base64_digit(text[k]);
-        if (digit < 0) return damaged(g, what, index);
-        bits = bits << 6 | (uint32_t)digit;
-        if (k % 4 == 3)
-            for (int shift = 16; shift >= 0; shift -= 8) *to++ = (char)(bits >> shift & 0xFF);
-        else if (k + 1 == length || text[k + 1] == '=')
-            for (int left = 6 * (int)(k % 4 + 1) - 8; left >= 0; left -= 8)
-                *to++ = (char)(bits >> left & 0xFF);
-        if (k % 4 == 3) bits = 0;
-    }
-    out->data = out->decoded;
-    out->size = (size_t)(to - out->decoded);
-    return true;
-}
-
-static int hexadecimal_digit(char c)
-{
-    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
-    const char *found = c ? strchr(digits, c) : NULL;
-    return found ? (int)(found - digits) % 16 : -1;
-}
-
-/* The next character of a URI at *at, which may be percent-encoded. */
-static char next_character(const char **at)
-{
-    const char *c = (*at)++;
-    const int high = *c == '%' ? hexadecimal_digit(c[1]) : -1, low = high >= 0 ? hexadecimal_digit(c[2]) : -1;
-    if (low < 0) return *c;
-    *at += 2;
-    return (char)(16 * high + low);
-}
-
-/* Decodes base64 data of a data URI, whose characters may be percent-encoded. */
+/* Decodes base64 data of a data URI, whose characters may be percent-encoded, and whose padding may be missing.
+ * `what`: "base64 data of buffer" or of another object with this index, for messages. */
 static bool decode(gltf *g, const char *uri, const char *what, size_t index, buffer *out)
 {
-    char *text = malloc(strlen(uri) + 1);
+    char *text = malloc(strlen(uri) + 4), *end = text;
     if (!text) return no_memory(g);
-    size_t length = 0;
-    for (const char *at = uri; *at;) text[length++] = next_character(&at);
-    text[length] = 0;
-    const bool ok = decode_base64(g, text, length, what, index, out);
+    for (const char *at = uri; *at;) *end++ = hex_next_of_uri(&at);
+    while ((end - text) % 4) *end++ = '=';
+    const char *from = text;
+    out->size = base64_count(text, end);
+    out->data = out->decoded = malloc(out->size + 1);
+    const bool ok = out->decoded ? base64_read(&from, end, (unsigned char *)out->decoded, out->size) ||
+                                       damaged(g, what, index)
+                                 : no_memory(g);
     free(text);
     return ok;
 }
@@ -705,7 +665,7 @@ static bool add_image(gltf *g, size_t index)
              member(node, "name").node ? ", image " : "image ", index);
     if (!uri) return add_view(g, json_number(member(node, "bufferView"), -1), index, name);
     if (strncmp(uri, "data:", 5) == 0) return add_data_uri(g, uri, index, name);
-    for (const char *at = uri; *at && length + 1 < sizeof name;) name[length++] = next_character(&at);
+    for (const char *at = uri; *at && length + 1 < sizeof name;) name[length++] = hex_next_of_uri(&at);
     name[length] = 0;
     return plain_textures_add_image(g->out, name, NULL, 0, &g->image_index[index]);
 }

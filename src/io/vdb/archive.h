@@ -14,14 +14,14 @@
 
 #include <openvdb/io/Archive.h>
 
+#include "base/core/hash.h"
 #include "io/vdb/shim.h"
 
 namespace shim {
 
-/* Fowler, Noll and Vo's hash (FNV-1a, 64 bits). */
 inline uint64_t hash_of(const std::string &bytes, uint64_t state)
 {
-    for (unsigned char byte : bytes) state = (state ^ byte) * 1099511628211u;
+    for (unsigned char byte : bytes) state = hash_add(state, byte);
     return state;
 }
 
@@ -31,7 +31,7 @@ inline void identify(std::string &bytes, const std::string &random)
     const size_t at = bytes.find(random);
     if (at == std::string::npos) throw fault(ERROR_INTERNAL, "the file has no identifier");
     bytes.replace(at, random.size(), random.size(), '0');
-    const uint64_t a = hash_of(bytes, 14695981039346656037u), b = hash_of(bytes, a);
+    const uint64_t a = hash_of(bytes, HASH_NONE), b = hash_of(bytes, a);
     char text[37];
     std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32),
                   unsigned(a >> 16 & 0xffff), unsigned(a & 0xffff), unsigned(b >> 48),

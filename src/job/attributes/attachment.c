@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/core/elementary.h"
+#include "base/core/hash.h"
 #include "geometry/mesh/mesh_edges.h"
 #include "geometry/mesh/mesh_weld.h"
 #include "geometry/mesh/orientation.h"
@@ -66,17 +67,16 @@ static bool read_mesh(const attachment_file *file, size_t memory_limit, polygon_
     return true;
 }
 
-/* Fowler, Noll and Vo's hash (FNV-1a, 64 bits), of numbers instead of bytes. */
 static uint64_t hash_of(const uint32_t *numbers, size_t count, uint64_t state)
 {
-    for (size_t k = 0; k < count; k++) state = (state ^ numbers[k]) * 1099511628211u;
+    for (size_t k = 0; k < count; k++) state = hash_add(state, numbers[k]);
     return state;
 }
 
 static attachment_topology topology_of(const polygon_mesh *p)
 {
     const mesh_polygons *all = &p->polygons;
-    const uint64_t sizes = hash_of(all->size, all->count, 14695981039346656037u);
+    const uint64_t sizes = hash_of(all->size, all->count, HASH_NONE);
     return (attachment_topology){p->m.vertex_count, all->count, all->corners,
                                  hash_of(all->corner, all->corners, sizes)};
 }

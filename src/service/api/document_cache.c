@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/hash.h"
 #include "base/core/memory.h"
 
 /* Places in a row. The hash of the id of a job determines the row of its documents. */
@@ -60,9 +61,7 @@ void document_cache_free(document_cache *c)
 
 static row *row_of(document_cache *c, const char *id)
 {
-    uint64_t hash = 14695981039346656037u; /* FNV-1a */
-    for (; *id; id++) hash = (hash ^ (unsigned char)*id) * 1099511628211u;
-    return &c->rows[hash % c->count];
+    return &c->rows[hash_add_text(HASH_NONE, id) % c->count];
 }
 
 bool document_cache_find(document_cache *c, queue *q, const char *id, const access_caller *caller,

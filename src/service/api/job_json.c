@@ -8,6 +8,7 @@
 
 #include "service/api/paths.h"
 #include "base/core/clock.h"
+#include "base/core/hash.h"
 #include "base/core/memory.h"
 #include "files/sent_file.h"
 #include "service/http/reply.h"
@@ -75,12 +76,6 @@ void job_json_put_spec(json *object, job_json_viewer viewer, const char *stored_
     json_put(object, "paths", paths ? paths : json_new_array());
 }
 
-static uint32_t hash_text(uint32_t hash, const char *text)
-{
-    for (const char *t = text; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
-    return hash * 16777619u; /* separates texts */
-}
-
 void job_json_live_clear(job_json_live *live)
 {
     free(live->progress);
@@ -95,9 +90,9 @@ bool job_json_is_fixed(const job_json_live *live)
 
 void job_json_print_tag(const queue_job *job, const job_json_live *live, char tag[JOB_JSON_TAG_SIZE])
 {
-    /* FNV-1a; it need not resist an attack */
-    uint32_t hash = hash_text(hash_text(2166136261u, live->progress), live->input) + (uint32_t)live->ahead;
-    if (live->error_message) hash = hash_text(hash, live->error_message);
+    uint64_t hash = hash_add_text(HASH_NONE, live->progress);
+    hash = hash_add_text(hash_add(hash, 0), live->input); /* 0 separates texts */
+    hash = hash_add_text(hash_add(hash, (uint32_t)live->ahead), live->error_message);
     if (job_json_is_fixed(live))
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
     else

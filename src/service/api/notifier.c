@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/core/hash.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/executor/progress_ring.h"
@@ -30,10 +31,8 @@ typedef struct news {
 
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
 {
-    uint64_t hash =
-        14695981039346656037u; /* FNV-1a; a collision of two users causes only needless wake-ups */
-    for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
-    snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
+    /* a collision of two users causes only needless wake-ups */
+    snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash_add_text(HASH_NONE, owner));
 }
 
 static void add_topic(news *n, const char *topic)

@@ -14,6 +14,7 @@
 #include "service/api/job_lookup.h"
 #include "base/core/clock.h"
 #include "base/core/file_format.h"
+#include "base/core/hex.h"
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "io/pictures/picture_png.h"
@@ -176,10 +177,7 @@ static void add_digest(reply *r, const char *hex)
 {
     uint8_t bytes[32];
     char base64[BASE64_ENCODE_RAW_LENGTH(sizeof bytes) + 1], value[80];
-    for (size_t i = 0; i < sizeof bytes; i++) {
-        const char pair[3] = {hex[2 * i], hex[2 * i + 1], '\0'};
-        bytes[i] = (uint8_t)strtoul(pair, NULL, 16);
-    }
+    hex_read(hex, bytes, sizeof bytes);
     base64_encode_raw(base64, sizeof bytes, bytes);
     base64[sizeof base64 - 1] = '\0';
     snprintf(value, sizeof value, "sha-256=:%s:", base64);

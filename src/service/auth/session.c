@@ -10,11 +10,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <nettle/base16.h>
 #include <nettle/hmac.h>
 #include <nettle/memops.h>
 
 #include "base/core/denial.h"
+#include "base/core/hex.h"
 #include "files/file.h"
 
 static bool make_key(const char *path, error *e)
@@ -70,8 +70,7 @@ void session_begin(const session_key *key, const token *of, int64_t ends_ms, cha
     hmac_sha256_update(&mac, (size_t)length, (const uint8_t *)text);
     hmac_sha256_digest(&mac, sizeof digest, digest);
     text[length++] = '.';
-    base16_encode_update(text + length, sizeof digest, digest);
-    text[length + 64] = '\0';
+    hex_print(digest, sizeof digest, text + length);
 }
 
 const token *session_find(const session_key *key, const token_set *set, const char *text, int64_t *ends_ms)

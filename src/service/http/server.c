@@ -2,7 +2,6 @@
 #include "service/http/server.h"
 
 #include <assert.h>
-#include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -19,6 +18,7 @@
 #include "files/scope.h"
 #include "base/core/background.h"
 #include "base/core/clock.h"
+#include "base/core/hex.h"
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/http/fields.h"
@@ -849,26 +849,13 @@ static enum MHD_Result answer(void *context, struct MHD_Connection *connection, 
     return finish(x, method, path);
 }
 
-static int hex_digit(char c)
-{
-    const char digits[] = "0123456789abcdef";
-    const char *found = c ? strchr(digits, tolower((unsigned char)c)) : NULL;
-    return found ? (int)(found - digits) : -1;
-}
-
-/* Decodes %XX in place. %00 is not decoded, since it would end the text; it matches nothing. */
+/* Decodes %XX in place. %00, which stays, matches nothing. */
 static size_t unescape(void *context, struct MHD_Connection *connection, char *text)
 {
     (void)context;
     (void)connection;
     char *to = text;
-    for (const char *from = text; *from; from++) {
-        int high = *from == '%' ? hex_digit(from[1]) : -1;
-        int low = high >= 0 ? hex_digit(from[2]) : -1;
-        bool escaped = low >= 0 && (high || low);
-        *to++ = escaped ? (char)(high << 4 | low) : *from;
-        if (escaped) from += 2;
-    }
+    for (const char *from = text; *from;) *to++ = hex_next_of_uri(&from);
     *to = '\0';
     return (size_t)(to - text);
 }

@@ -11,6 +11,7 @@
 #include <sys/queue.h>
 
 #include "base/core/clock.h"
+#include "base/core/hash.h"
 #include "base/core/memory.h"
 
 /* The refusal for one limit; code NULL: work beyond the limit waits. */
@@ -142,9 +143,7 @@ ledger_limits ledger_get_limits(ledger *l, ledger_resource what)
 
 static size_t chain_of(const char *holder)
 {
-    uint32_t hash = 2166136261U; /* FNV-1a */
-    for (; *holder; holder++) hash = (hash ^ (uint8_t)*holder) * 16777619U;
-    return hash % CHAINS;
+    return hash_add_text(HASH_NONE, holder) % CHAINS;
 }
 
 static account *find(const ledger *l, const char *holder)
