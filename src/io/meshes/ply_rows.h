@@ -5,7 +5,7 @@
 #ifndef HEXAD_IO_MESHES_PLY_ROWS_H
 #define HEXAD_IO_MESHES_PLY_ROWS_H
 
-#include "io/meshes/ply_header.h"
+#include "base/core/ply_header.h"
 
 typedef struct ply_rows {
     const char *data, *at, *end; /* the file; the next byte to read */

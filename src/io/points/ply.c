@@ -11,6 +11,7 @@
 
 #include "base/core/memory.h"
 #include "base/core/number.h"
+#include "base/core/ply_header.h"
 #include "base/core/precision.h"
 
 /* Points per block: with twenty columns a block fits into a second-level cache. */
@@ -19,8 +20,11 @@ enum { BLOCK_POINTS = 4096 };
 /* Longest text of a double with %.17g: sign, 17 digits, point, e-308. */
 enum { NUMBER_TEXT_MAX = 26 };
 
-/* Limit of a header line or ASCII line that ply_write writes. */
-enum { LINE_MAX_BYTES = 1024 };
+/* Limit of a line of a triangle. */
+enum { LINE_MAX_BYTES = 128 };
+
+/* Limit of the header of a file that is read. */
+enum { HEADER_MOST = 1 << 20 };
 
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
@@ -364,95 +368,60 @@ static bool damaged(error *e, const char *words)
     return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words);
 }
 
-/* Reads one line without its line break; skips comments. */
-static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
+/* Adds the column of a property. False: ply_write does not write such a property. */
+static bool add_column(const ply_property *p, ply_precision precision, columns *what)
 {
-    do {
-        if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it is truncated");
-        char *end = strchr(line, '\n');
-        if (!end)
-            return damaged(e, feof(file) ? "it is truncated" : "a line is too long or contains a NUL byte");
-        *end = '\0';
-    } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
+    column_type type = COLUMN_REAL;
+    while (type < COLUMN_TYPES && number_of(type, precision) != p->type->number) type++;
+    if (p->length || type == COLUMN_TYPES || what->count == COLUMNS_MAX || !columns_suits(p->name, type))
+        return false;
+    column *c = &what->list[what->count++];
+    *c = (column){.type = type};
+    snprintf(c->name, sizeof c->name, "%s", p->name);
     return true;
 }
 
-/* Parses a line "element vertex COUNT". */
-static bool parse_count(const char *line, size_t *count, error *e)
+static bool take_header(const ply_header *h, ply_file *f, error *e)
 {
-    static const char start[] = "element vertex ";
-    const char *digits = line + strlen(start);
-    if (strncmp(line, start, strlen(start)) != 0 || !*digits ||
-        strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'",
-                         line);
-    errno = 0;
-    uintmax_t value = strtoumax(digits, NULL, 10);
-    if (errno || value > SIZE_MAX) return damaged(e, "a count in its header is too large");
-    *count = (size_t)value;
-    return true;
-}
-
-/* Adds the column of a line "property TYPE NAME". False: it is another line. */
-static bool parse_property(const char *line, ply_precision precision, columns *what)
-{
-    column *c = &what->list[what->count];
-    *c = (column){0};
-    if (what->count == COLUMNS_MAX) return false;
-    for (int type = 0; type < COLUMN_TYPES; type++) {
-        char start[32];
-        int length = snprintf(start, sizeof start, "property %s ", type_name((column_type)type, precision));
-        const char *name = line + length;
-        if (strncmp(line, start, (size_t)length) != 0) continue;
-        if (!*name || strlen(name) >= sizeof c->name || strpbrk(name, " \t\r") ||
-            !columns_suits(name, (column_type)type))
-            return false;
-        for (size_t k = 0; k < what->count; k++)
-            if (strcmp(what->list[k].name, name) == 0) return false;
-        c->type = (column_type)type;
-        strcpy(c->name, name);
-        what->count++;
-        return true;
-    }
-    return false;
-}
-
-/* Reads the lines of properties, from `line`; *line receives the line that follows. */
-static bool read_properties(FILE *file, ply_file *f, char *line, error *e)
-{
-    static const char *const first[] = {"x", "y", "z"};
-    f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
-    while (strncmp(line, "property ", 9) == 0) {
-        if (!parse_property(line, f->precision, &f->columns))
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected a property, found '%.60s'", line);
-        if (!read_line(file, line, e)) return false;
+    static const char *const axis[] = {"x", "y", "z"};
+    const ply_element *vertex = h->element;
+    if (h->layout == PLY_BIG) return damaged(e, "its format is binary_big_endian");
+    if (h->elements != 1 || strcmp(vertex->name, "vertex") != 0)
+        return damaged(e, "it has more than points, or none");
+    f->format = h->layout == PLY_TEXT ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
+    f->precision =
+        vertex->properties > 0 && vertex->property->type->number == NUMBER_DOUBLE ? PLY_DOUBLE : PLY_FLOAT;
+    f->points.count = vertex->count;
+    for (int k = 0; k < vertex->properties; k++) {
+        const ply_property *p = &vertex->property[k];
+        if (!add_column(p, f->precision, &f->columns))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: points have no property '%s %s'",
+                             p->type->name, p->name);
     }
     for (size_t k = 0; k < 3; k++)
         if (f->columns.count < 3 || f->columns.list[k].type != COLUMN_REAL ||
-            strcmp(f->columns.list[k].name, first[k]) != 0)
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s', found '%.60s'",
-                             precision_names[f->precision], first[k],
-                             k < f->columns.count ? f->columns.list[k].name : line);
+            strcmp(f->columns.list[k].name, axis[k]) != 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s'",
+                             precision_names[f->precision], axis[k]);
     return true;
 }
 
+/* Reads the header. The position is then that of the first point. */
 static bool read_header(FILE *file, ply_file *f, error *e)
 {
-    char line[LINE_MAX_BYTES];
-    if (!read_line(file, line, e)) return false;
-    if (strcmp(line, "ply") != 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line 'ply', found '%.60s'", line);
-    if (!read_line(file, line, e)) return false;
-    if (strcmp(line, "format ascii 1.0") == 0)
-        f->format = PLY_ASCII;
-    else if (strcmp(line, "format binary_little_endian 1.0") == 0)
-        f->format = PLY_BINARY_LITTLE_ENDIAN;
-    else
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
-    if (!read_line(file, line, e) || !parse_count(line, &f->points.count, e) || !read_line(file, line, e))
-        return false;
-    return read_properties(file, f, line, e) &&
-           (strcmp(line, "end_header") == 0 || damaged(e, "it has more than points"));
+    ply_header h;
+    char *text = mem_array(HEADER_MOST + 1, 1, "the header of the PLY file", e);
+    if (!text) return false;
+    const size_t size = fread(text, 1, HEADER_MOST, file);
+    text[size] = '\0';
+    bool ok = ply_header_read(text, size, &h) ||
+              error_set(e, ERROR_INPUT_DAMAGED, "PLY file: its header ends early, or has the line '%.*s'",
+                        (int)strcspn(text + h.fault, "\r\n"), text + h.fault);
+    ok = ok && take_header(&h, f, e);
+    free(text);
+    if (ok && fseek(file, (long)h.body, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it does not allow seeking");
+    return ok;
 }
 
 /* Checks that the remaining bytes can hold the points, before the count is used. */

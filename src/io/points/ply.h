@@ -38,8 +38,8 @@ typedef struct ply_file {
     void *storage;   /* private */
 } ply_file;
 
-/* Reads a seekable file from its start to its end. Accepts only files of points without triangles that ply_write
- * writes, and any comments. Error: input_damaged (a wrong header, a wrong count, trailing bytes, values that are not finite).
+/* Reads a seekable file from its start to its end. Accepts any header of points with columns that ply_write
+ * writes, and then the rows as it writes them. Error: input_damaged (a wrong header, a wrong count, trailing bytes, values that are not finite).
  * Memory is allocated only if the size of the file is consistent with the count. The caller frees *out
  * with ply_file_free. */
 bool ply_read(FILE *file, ply_file *out, error *e);

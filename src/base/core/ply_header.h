@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/* ply_header: the header of a PLY file. Runs in the process that reads. */
-#ifndef HEXAD_IO_MESHES_PLY_HEADER_H
-#define HEXAD_IO_MESHES_PLY_HEADER_H
+/* ply_header: reads the header of a PLY file. Pure functions; any thread. */
+#ifndef HEXAD_BASE_CORE_PLY_HEADER_H
+#define HEXAD_BASE_CORE_PLY_HEADER_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -16,7 +16,7 @@ typedef struct ply_type {
     number_type number;
 } ply_type;
 
-enum { PLY_ELEMENTS_MOST = 16, PLY_PROPERTIES_MOST = 256, PLY_NAME_SIZE = 64 };
+enum { PLY_ELEMENTS_MOST = 16, PLY_PROPERTIES_MOST = 256, PLY_NAME_SIZE = 80 };
 
 typedef struct ply_property {
     char name[PLY_NAME_SIZE];

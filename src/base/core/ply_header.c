@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/meshes/ply_header.h"
+#include "base/core/ply_header.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -66,7 +66,7 @@ static bool take_line(ply_header *h, const char *line, size_t at, bool *format)
 {
     char word[5][PLY_NAME_SIZE] = {"", "", "", "", ""}, more[2] = "";
     const int words =
-        sscanf(line, "%63s %63s %63s %63s %63s %1s", word[0], word[1], word[2], word[3], word[4], more);
+        sscanf(line, "%79s %79s %79s %79s %79s %1s", word[0], word[1], word[2], word[3], word[4], more);
     if (strcmp(word[0], "format") == 0) {
         const bool is_first = !*format;
         *format = true;
