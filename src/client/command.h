@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <sys/types.h>
 
+#include "base/core/options.h"
 #include "client/client.h"
 #include "files/file.h"
 
@@ -25,23 +26,17 @@ enum {
     COMMAND_UNRESOLVED = 11,    /* the job succeeded with the outcome unresolved */
 };
 
-/* The values of an option that may be repeated. */
-#define COMMAND_VALUES_MOST 32
-typedef struct command_values {
-    const char *item[COMMAND_VALUES_MOST];
-    size_t count;
-} command_values;
-
 /* The options of the command line; NULL: not given. Only options of the command are set. */
 typedef struct command_options {
+    const char *server;
     bool json, wait, dependents, yes;
     bool accept;  /* of wait, and of others with `wait`: COMMAND_OK for an accepted outcome (queue.accept) */
     bool several; /* the command line has more than one argument */
     bool on_service; /* of sample: the argument is a path of the service */
     bool all;        /* of delete-upload: for all users */
-    command_values label;
-    command_values set;                            /* of submit and sample: see spec/sample_spec.h */
-    command_values depends_on;                     /* of submit: jobs, named as on the command line */
+    option_words label;
+    option_words set;                              /* of submit and sample: see spec/sample_spec.h */
+    option_words depends_on;                       /* of submit: jobs, named as on the command line */
     const char *count, *spacing, *grade, *pattern; /* of sample */
     const char *name;                              /* of list: exact; of others: of the new job */
     const char *owner, *state, *text;

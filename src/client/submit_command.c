@@ -70,7 +70,7 @@ static bool has_changes(const command_options *options)
 }
 
 /* Appends the values of an option to an array of the group `queue`. */
-static void append_values(json *queue, const char *pointer, const command_values *values)
+static void append_values(json *queue, const char *pointer, const option_words *values)
 {
     json *list = values->count ? member_of_type(queue, pointer, JSON_ARRAY) : NULL;
     for (size_t i = 0; list && i < values->count; i++) json_append_string(list, values->item[i]);
@@ -226,14 +226,14 @@ static int submit(client *c, const char *from, const char *given, const command_
 int command_submit(client *c, const char *argument, const command_options *options)
 {
     command_options own = *options;
-    char *ids[COMMAND_VALUES_MOST] = {NULL};
+    const size_t count = own.depends_on.count;
+    char **ids = mem_alloc(count * sizeof *ids);
     int code = COMMAND_OK;
-    for (size_t i = 0; code == COMMAND_OK && i < own.depends_on.count; i++) {
+    for (size_t i = 0; code == COMMAND_OK && i < count; i++)
         code = job_name_resolve(c, options->depends_on.item[i], &ids[i]);
-        own.depends_on.item[i] = ids[i];
-    }
+    own.depends_on.item = (const char **)ids;
     if (code == COMMAND_OK) code = submit(c, argument, NULL, &own);
-    for (size_t i = 0; i < own.depends_on.count; i++) free(ids[i]);
+    mem_free_texts(ids, count);
     return code;
 }
 

@@ -3,8 +3,6 @@
 #include "config.h"
 
 #include <errno.h>
-#include <getopt.h>
-#include <limits.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -20,6 +18,7 @@
 #include "base/core/help_text.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
+#include "base/core/options.h"
 #include "base/core/reader.h"
 #include "base/core/sandbox.h"
 #include "base/core/terminal_text.h"
@@ -126,20 +125,15 @@ static void leave(const error *e)
     _exit(fail(e, NULL));
 }
 
-/* Values of an option that may be given several times. `item` has space for all words of the command line. */
-typedef struct word_list {
-    const char **item;
-    size_t count;
-} word_list;
-
 typedef struct arguments {
     const char *spec_path, *output, *previous, *preview;
     const char *const *meshes; /* of the command attach */
     size_t mesh_count;
     sample_options sample; /* of the command sample */
-    word_list set, roots;
+    option_words set, roots;
     bool progress, json, accept;
     long arrays_fd, progress_fd, memory_mb, most_memory_mb, threads, frame; /* -1: none */
+    const char *sandbox_name;
     sandbox_mode sandbox;
 } arguments;
 
@@ -149,23 +143,8 @@ static void free_arguments(arguments *a)
     free(a->set.item);
 }
 
-typedef enum option_kind {
-    OPTION_FLAG,
-    OPTION_WORD,
-    OPTION_WORDS, /* may be given several times */
-    OPTION_NUMBER,
-    OPTION_SANDBOX
-} option_kind;
-
-static const struct worker_option {
-    option_rank rank;
-    const char *name, *value; /* `value`: as the help names it; NULL: none */
-    option_kind kind;
-    size_t offset;       /* in arguments */
-    const char *command; /* the only command that has it; NULL: all commands with options */
-    const char *text;    /* NULL: not in the help, the library uses it */
-    long low;            /* of numbers */
-} worker_options[] = {
+/* Those without a text are not in the help: the library uses them. */
+static const option_row worker_options[] = {
     {OPTION_BASIC, WORKER_OPTION_OUTPUT, "DIR", OPTION_WORD, offsetof(arguments, output), NULL,
      .text = "directory of the results; created if missing (required, except by inspect and sample)"},
     {OPTION_BASIC, "count", "N", OPTION_WORD, offsetof(arguments, sample.count), COMMAND_SAMPLE,
@@ -218,24 +197,13 @@ static const struct worker_option {
      .text =
          "results of the previous frame; a frame with queue.coherent starts from its points (default: the frame is "
          "the first of the sequence)"},
-    {OPTION_ADVANCED, WORKER_OPTION_SANDBOX, "MODE", OPTION_SANDBOX, offsetof(arguments, sandbox), NULL,
+    {OPTION_ADVANCED, WORKER_OPTION_SANDBOX, "MODE", OPTION_WORD, offsetof(arguments, sandbox_name), NULL,
      .text =
          "required: no network, no other programs, and no files outside the input roots and DIR; available: as much "
          "of this as the kernel supports; off (default)"},
 };
 enum { WORKER_OPTION_COUNT = sizeof worker_options / sizeof *worker_options };
-
-static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
-{
-    char *end;
-    errno = 0;
-    long value = strtol(text, &end, 10);
-    if (errno || end == text || *end || value < low || value > INT_MAX)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s must be a whole number of at least %ld (given %s)",
-                         option, low, text);
-    *out = value;
-    return true;
-}
+static const option_table known_options = {"hexad-worker", worker_options, WORKER_OPTION_COUNT};
 
 /* Inserts the name of the frame's file into the spec of a data set. A list of one name is the name of any frame:
  * the service sends such a list. */
@@ -292,24 +260,6 @@ static bool choose_frame(spec **s, long frame, bool previous, spec_faults *fault
     return true;
 }
 
-/* Sets the error for an option that getopt_long refused. `answer` is its result: ':' for an option without
- * its value; '?' with an optopt for an option with a value that it does not accept; otherwise the option
- * is unknown. */
-static bool refuse_option(int answer, const char *word, error *e)
-{
-    if (answer == ':')
-        return error_set(e, ERROR_SPEC_INVALID, "%s requires a value; see hexad-worker --help", word);
-    if (optopt && strncmp(word, "--", 2) == 0)
-        return error_set(e, ERROR_SPEC_INVALID, "%.*s takes no value: remove it", (int)strcspn(word, "="),
-                         word);
-    const char *name = word + strspn(word, "-");
-    nearest_name n = nearest_name_to(name, strcspn(name, "="));
-    for (size_t i = 0; i < WORKER_OPTION_COUNT; i++) nearest_name_offer(&n, worker_options[i].name);
-    if (n.name)
-        return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; did you mean --%s?", word, n.name);
-    return error_set(e, ERROR_SPEC_INVALID, "unknown option %s; see hexad-worker --help", word);
-}
-
 /* Puts "./" before words that begin with a single `-`, as -lead.obj: the worker has no short options, so they are files.
  * The words are never freed. */
 static void name_files(int argc, char **argv)
@@ -324,55 +274,26 @@ static void name_files(int argc, char **argv)
     }
 }
 
-/* Stores an option of the command and its value, optarg. */
-static bool take_option(const struct worker_option *o, const char *command, arguments *a, error *e)
-{
-    void *at = (char *)a + o->offset;
-    if (o->command && strcmp(o->command, command) != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s is an option of %s: omit it", o->name, o->command);
-    switch (o->kind) {
-    case OPTION_FLAG:
-        return *(bool *)at = true;
-    case OPTION_WORD:
-        *(const char **)at = optarg;
-        return true;
-    case OPTION_WORDS:
-        ((word_list *)at)->item[((word_list *)at)->count++] = optarg;
-        return true;
-    case OPTION_NUMBER:
-        return parse_number(o->name, optarg, o->low, at, e);
-    case OPTION_SANDBOX:
-        return sandbox_mode_from_name(optarg, at) ||
-               error_set(e, ERROR_SPEC_INVALID, "--sandbox must be required, available or off (given %s)",
-                         optarg);
-    }
-    return false;
-}
-
 static bool take_options(int argc, char **argv, arguments *a, error *e)
 {
-    enum { FIRST = 256 }; /* results of getopt_long that are no characters */
-    struct option options[WORKER_OPTION_COUNT + 1] = {{NULL}};
-    for (int i = 0; i < WORKER_OPTION_COUNT; i++)
-        options[i] =
-            (struct option){worker_options[i].name, worker_options[i].value ? required_argument : no_argument,
-                            NULL, FIRST + i};
-    opterr = 0;
-    for (int c; (c = getopt_long(argc, argv, ":", options, NULL)) != -1;) {
-        if (c < FIRST) return refuse_option(c, argv[optind - 1], e);
-        if (!take_option(&worker_options[c - FIRST], argv[0], a, e)) return false;
+    int k;
+    while ((k = options_next(&known_options, argc, argv, false, a, e)) >= 0) {
+        const option_row *o = &worker_options[k];
+        if (o->command && strcmp(o->command, argv[0]) != 0)
+            return error_set(e, ERROR_SPEC_INVALID, "--%s is an option of %s: omit it", o->name, o->command);
         arrays_fd = (int)a->arrays_fd;
     }
     a->sample.set = a->set.item;
     a->sample.set_count = a->set.count;
-    return true;
+    if (k == OPTIONS_END && a->sandbox_name && !sandbox_mode_from_name(a->sandbox_name, &a->sandbox))
+        return error_set(e, ERROR_SPEC_INVALID, "--sandbox must be required, available or off (given %s)",
+                         a->sandbox_name);
+    return k == OPTIONS_END;
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     *a = (arguments){.arrays_fd = -1, .progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
-    a->roots.item = mem_alloc((size_t)argc * sizeof *a->roots.item);
-    a->set.item = mem_alloc((size_t)argc * sizeof *a->set.item);
     name_files(argc, argv);
     if (!take_options(argc, argv, a, e)) return false;
     bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
@@ -903,7 +824,7 @@ static void print_help_of_command(const struct worker_command *c, bool brief)
 static void print_help_of_options(option_rank last)
 {
     for (size_t i = 0; i < WORKER_OPTION_COUNT; i++) {
-        const struct worker_option *o = &worker_options[i];
+        const option_row *o = &worker_options[i];
         if (!o->text || o->rank > last) continue;
         char *term = mem_printf("--%s%s%s", o->name, o->value ? " " : "", o->value ? o->value : "");
         char *text = mem_printf("%s%s%s", o->command ? o->command : "", o->command ? ": " : "", o->text);

@@ -13,6 +13,7 @@
 #include "base/core/help_text.h"
 #include "base/core/memory.h"
 #include "base/core/nearest_name.h"
+#include "base/core/options.h"
 #include "base/core/terminal_text.h"
 #include "client/client.h"
 #include "client/command.h"
@@ -184,52 +185,58 @@ static const char notes[] =
     "cancelled, 10 the job succeeded but did not converge, 11 its points do not represent the surface\n"
     "(outcome unresolved).\n";
 
-#define OPTION(name, member)                         \
-    {                                                \
-        "--" name, offsetof(command_options, member) \
-    }
-
-/* Options with a value. The value is stored as it is given. */
-static const struct {
-    const char *name;
-    size_t offset;
-} valued[] = {
-    OPTION("key", key),           OPTION("owner", owner),
-    OPTION("state", state),       OPTION("limit", limit),
-    OPTION("priority", priority), OPTION("frame", frame),
-    OPTION("attempt", attempt),   OPTION("output", output),
-    OPTION("file", file),         OPTION("scopes", scopes),
-    OPTION("name", name),         OPTION("since", since),
-    OPTION("until", until),       OPTION("max-priority", max_priority),
-    OPTION("text", text),         OPTION("picture", picture),
-    OPTION("frames", frames),     OPTION("count", count),
-    OPTION("spacing", spacing),   OPTION("grade", grade),
-    OPTION("pattern", pattern),   OPTION("files", files),
-};
-
-/* Options with a value that may be repeated. */
-static const struct {
-    const char *name;
-    size_t offset;
-} repeated[] = {OPTION("label", label), OPTION("set", set), OPTION("depends-on", depends_on)};
-
-/* Options without a value. */
-static const struct {
-    const char *name;
-    size_t offset;
-} flags[] = {OPTION("wait", wait),     OPTION("dependents", dependents), OPTION("yes", yes),
-             OPTION("accept", accept), OPTION("on-service", on_service), OPTION("all", all)};
-
 typedef struct line {
     const struct entry *entry;
     const char *group;     /* the first of a command's two words */
     const char **argument; /* has space for all words of the command line */
     size_t argument_count;
-    const char *server;
     command_options options;
-    const char *given[64]; /* names of the given options, in their order */
-    size_t given_count;
+    bool given[OPTIONS_MOST]; /* per option */
 } line;
+
+#define OPTION(option, its_kind, member)                                                       \
+    {                                                                                          \
+        .name = option, .kind = OPTION_##its_kind, .offset = offsetof(command_options, member) \
+    }
+
+/* The first ones are of all commands, the others of those whose arguments have them. */
+static const option_row option_rows[] = {
+    OPTION("server", WORD, server),
+    OPTION("json", FLAG, json),
+    OPTION("key", WORD, key),
+    OPTION("owner", WORD, owner),
+    OPTION("state", WORD, state),
+    OPTION("limit", WORD, limit),
+    OPTION("priority", WORD, priority),
+    OPTION("frame", WORD, frame),
+    OPTION("attempt", WORD, attempt),
+    OPTION("output", WORD, output),
+    OPTION("file", WORD, file),
+    OPTION("scopes", WORD, scopes),
+    OPTION("name", WORD, name),
+    OPTION("since", WORD, since),
+    OPTION("until", WORD, until),
+    OPTION("max-priority", WORD, max_priority),
+    OPTION("text", WORD, text),
+    OPTION("picture", WORD, picture),
+    OPTION("frames", WORD, frames),
+    OPTION("count", WORD, count),
+    OPTION("spacing", WORD, spacing),
+    OPTION("grade", WORD, grade),
+    OPTION("pattern", WORD, pattern),
+    OPTION("files", WORD, files),
+    OPTION("label", WORDS, label),
+    OPTION("set", WORDS, set),
+    OPTION("depends-on", WORDS, depends_on),
+    OPTION("wait", FLAG, wait),
+    OPTION("dependents", FLAG, dependents),
+    OPTION("yes", FLAG, yes),
+    OPTION("accept", FLAG, accept),
+    OPTION("on-service", FLAG, on_service),
+    OPTION("all", FLAG, all),
+};
+enum { OPTION_COUNT = sizeof option_rows / sizeof *option_rows, OF_ALL_COMMANDS = 2 };
+static const option_table known_options = {"hexadctl", option_rows, OPTION_COUNT};
 
 static void print_help_of_entry(FILE *file, const struct entry *entry, bool brief)
 {
@@ -255,93 +262,6 @@ static void print_help(FILE *file, option_rank last)
     if (!brief) fputs(notes, file);
 }
 
-/* The option's value: the text after `=`, or the next word; *index then advances. NULL, after a message, if
- * there is none. */
-static const char *take_value(int argc, char **argv, int *index)
-{
-    const char *equals = strchr(argv[*index], '=');
-    if (equals) return equals + 1;
-    if (*index + 1 < argc) return argv[++*index];
-    terminal_text_print(stderr, "hexadctl: %s requires a value; see hexadctl --help\n", argv[*index]);
-    return NULL;
-}
-
-static bool is_option(const char *word, const char *name)
-{
-    size_t length = strlen(name);
-    return strncmp(word, name, length) == 0 && (!word[length] || word[length] == '=');
-}
-
-static bool refuse_unknown(const char *kind, const char *word, const char *dashes, const nearest_name *n)
-{
-    if (n->name)
-        terminal_text_print(stderr, "hexadctl: unknown %s %s; did you mean %s%s?\n", kind, word, dashes,
-                            n->name);
-    else
-        terminal_text_print(stderr, "hexadctl: unknown %s %s; see hexadctl --help\n", kind, word);
-    return false;
-}
-
-static bool refuse_option(const char *word)
-{
-    static const char *const others[] = {"server", "json", "help", "version"};
-    const char *name = word + strspn(word, "-");
-    nearest_name n = nearest_name_to(name, strcspn(name, "="));
-    for (size_t i = 0; i < sizeof valued / sizeof *valued; i++) nearest_name_offer(&n, valued[i].name + 2);
-    for (size_t i = 0; i < sizeof repeated / sizeof *repeated; i++)
-        nearest_name_offer(&n, repeated[i].name + 2);
-    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) nearest_name_offer(&n, flags[i].name + 2);
-    for (size_t i = 0; i < sizeof others / sizeof *others; i++) nearest_name_offer(&n, others[i]);
-    return refuse_unknown("option", word, "--", &n);
-}
-
-static bool add_value(command_values *values, const char *option, const char *value)
-{
-    if (values->count == COMMAND_VALUES_MOST) {
-        terminal_text_print(stderr, "hexadctl: %s is given more than %d times: give it less often\n", option,
-                            COMMAND_VALUES_MOST);
-        return false;
-    }
-    values->item[values->count++] = value;
-    return true;
-}
-
-/* Parses an option with a value. */
-static bool take_valued(line *l, int argc, char **argv, int *index)
-{
-    const char *word = argv[*index], *value;
-    size_t i = 0, count = sizeof valued / sizeof *valued, k = 0, more = sizeof repeated / sizeof *repeated;
-    bool server = is_option(word, "--server");
-    while (i < count && !is_option(word, valued[i].name)) i++;
-    while (k < more && !is_option(word, repeated[k].name)) k++;
-    if (!server && i == count && k == more) return refuse_option(word);
-    if (!(value = take_value(argc, argv, index))) return false;
-    if (server)
-        l->server = value;
-    else if (i < count)
-        *(const char **)((char *)&l->options + valued[i].offset) = value;
-    else if (!add_value((command_values *)((char *)&l->options + repeated[k].offset), repeated[k].name,
-                        value))
-        return false;
-    if (!server) l->given[l->given_count++] = i < count ? valued[i].name : repeated[k].name;
-    return true;
-}
-
-static bool take_option(line *l, int argc, char **argv, int *index)
-{
-    if (strcmp(argv[*index], "--json") == 0) return l->options.json = true;
-    if (l->given_count == sizeof l->given / sizeof *l->given) {
-        fputs("hexadctl: too many options: give fewer\n", stderr);
-        return false;
-    }
-    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) {
-        if (strcmp(argv[*index], flags[i].name) != 0) continue;
-        l->given[l->given_count++] = flags[i].name;
-        return *(bool *)((char *)&l->options + flags[i].offset) = true;
-    }
-    return take_valued(l, argc, argv, index);
-}
-
 /* Whether the word names the command, within its group if it has one. */
 static bool is_named(const struct entry *entry, const char *group, const char *word)
 {
@@ -358,7 +278,10 @@ static bool refuse_command(const char *group, const char *word)
     nearest_name n = nearest_name_to(given, strlen(given));
     for (size_t i = 0; i < COMMAND_COUNT; i++) nearest_name_offer(&n, commands[i].name);
     nearest_name_offer(&n, "token");
-    refuse_unknown("command", given, "", &n);
+    if (n.name)
+        terminal_text_print(stderr, "hexadctl: unknown command %s; did you mean %s?\n", given, n.name);
+    else
+        terminal_text_print(stderr, "hexadctl: unknown command %s; see hexadctl --help\n", given);
     free(given);
     return false;
 }
@@ -401,9 +324,10 @@ static bool take_word(line *l, const char *word)
 }
 
 /* Whether the arguments of the command have the option. */
-static bool has_option(const struct entry *entry, const char *option)
+static bool has_option(const struct entry *entry, const char *name)
 {
-    const size_t length = strlen(option);
+    char option[32];
+    const size_t length = (size_t)snprintf(option, sizeof option, "--%s", name);
     const char *at = strstr(entry->arguments, option);
     while (at && strspn(at + length, "abcdefghijklmnopqrstuvwxyz-") > 0) at = strstr(at + length, option);
     return at != NULL;
@@ -416,10 +340,10 @@ static bool check(const line *l)
         print_help(stderr, OPTION_BASIC);
         return false;
     }
-    for (size_t i = 0; i < l->given_count; i++) {
-        if (has_option(l->entry, l->given[i])) continue;
-        terminal_text_print(stderr, "hexadctl %s: this command has no option %s; see hexadctl --help\n",
-                            l->entry->name, l->given[i]);
+    for (size_t i = OF_ALL_COMMANDS; i < OPTION_COUNT; i++) {
+        if (!l->given[i] || has_option(l->entry, option_rows[i].name)) continue;
+        terminal_text_print(stderr, "hexadctl %s: this command has no option --%s; see hexadctl --help\n",
+                            l->entry->name, option_rows[i].name);
         return false;
     }
     bool needed = l->entry->argument == ONE || l->entry->argument == FILES || l->entry->argument == JOB ||
@@ -511,7 +435,7 @@ static void set_default_tokens(command_options *options)
  * accepts another name than the whole ID only with --yes. */
 static int resolve_jobs(client *c, const line *l, char **ids)
 {
-    bool final = has_option(l->entry, "--yes");
+    bool final = has_option(l->entry, "yes");
     int code = COMMAND_OK;
     for (size_t i = 0; code == COMMAND_OK && i < l->argument_count; i++) {
         const char *name = l->argument[i];
@@ -585,7 +509,7 @@ static int obey(line *l)
     error e = {0};
     l->options.several = l->argument_count > 1;
     if (!l->options.file) set_default_tokens(&l->options);
-    client *c = client_open(l->server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
+    client *c = client_open(l->options.server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
     if (!c) {
         terminal_text_print(stderr, "hexadctl: %s\n", e.message);
         return COMMAND_USAGE;
@@ -597,16 +521,15 @@ static int obey(line *l)
 
 static bool read_line(line *l, int argc, char **argv)
 {
-    bool words_only = false; /* behind "--" */
-    for (int i = 1; i < argc; i++) {
-        const bool option = !words_only && argv[i][0] == '-' && argv[i][1];
-        if (option && strcmp(argv[i], "--") == 0) {
-            words_only = true;
-            continue;
-        }
-        if (!(option ? take_option(l, argc, argv, &i) : take_word(l, argv[i]))) return false;
+    error e = {0};
+    bool ok = true;
+    for (int k; ok && (k = options_next(&known_options, argc, argv, true, &l->options, &e)) != OPTIONS_END;) {
+        if (k == OPTIONS_REFUSED) terminal_text_print(stderr, "hexadctl: %s\n", e.message);
+        if (k >= 0) l->given[k] = true;
+        ok = k >= 0 || (k == OPTIONS_ARGUMENT && take_word(l, optarg));
     }
-    return check(l);
+    for (; ok && optind < argc; optind++) ok = take_word(l, argv[optind]);
+    return ok && check(l);
 }
 
 int main(int argc, char **argv)
@@ -614,9 +537,12 @@ int main(int argc, char **argv)
     int code = COMMAND_OK;
     if (is_print_only(argc, argv, &code)) return code;
     line l = {.argument = mem_alloc((size_t)argc * sizeof *l.argument),
-              .server = default_server(),
+              .options.server = default_server(),
               .options.file_group = TOKEN_NO_GROUP};
     code = read_line(&l, argc, argv) ? obey(&l) : COMMAND_USAGE;
+    free(l.options.label.item);
+    free(l.options.set.item);
+    free(l.options.depends_on.item);
     free(l.argument);
     return code;
 }

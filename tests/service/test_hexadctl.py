@@ -383,8 +383,19 @@ def test_usage(run):
     for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
                   ["--server", "ftp://x", "list"], ["list", "--state", "nonsense"], ["help", "nonsense"]):
         assert run(*words).returncode == 2, words
-    many = run("submit", *["--wait"] * 1000, "spec.json")
-    assert many.returncode == 2 and "too many options" in many.stderr
+    for words, text in (
+        (["show", "--nonsense", "a"], "unknown option --nonsense; see hexadctl --help"),
+        (["show", "-json", "a"], "unknown option -json; did you mean --json?"),
+        (["show", "-j", "a"], "unknown option -j; see"),
+        (["submit", "--label"], "--label requires a value; see hexadctl --help"),
+        (["submit", "--wiat", "a"], "did you mean --wait?"),
+        (["submit", "--f", "a"], "unknown option --f"),
+        (["submit", "--wait=1", "a"], "--wait takes no value"),
+        (["list", "--wait"], "hexadctl list: this command has no option --wait"),
+        (["--hlep"], "did you mean --help?"),
+    ):
+        done = run(*words)
+        assert done.returncode == 2 and text in done.stderr, (words, done.stderr)
     for word in ("01aaaaaaaaaaaaaaaaaaaaaaaa", "../../etc", ""):
         assert run("show", word).returncode == 4
     text = run("--help", "all")
