@@ -10,16 +10,15 @@
 static void test_names(void **state)
 {
     (void)state;
-    assert_true(preconditions_match("\"a\"", "\"a\"", false));
-    assert_true(preconditions_match("\"b\", \"a\"", "\"a\"", false));
-    assert_true(preconditions_match(" , \"b\" ,\"a\"", "\"a\"", false));
-    assert_true(preconditions_match("*", "\"a\"", false));
-    assert_true(preconditions_match("W/\"a\"", "\"a\"", true));
-    assert_false(preconditions_match("W/\"a\"", "\"a\"", false));
-    assert_true(preconditions_match("W/\"a\", \"a\"", "\"a\"", false));
+    assert_true(preconditions_match("\"a\"", "\"a\""));
+    assert_true(preconditions_match("\"b\", \"a\"", "\"a\""));
+    assert_true(preconditions_match(" , \"b\" ,\"a\"", "\"a\""));
+    assert_true(preconditions_match("*", "\"a\""));
+    assert_true(preconditions_match("W/\"a\"", "\"a\""));
+    assert_true(preconditions_match("W/\"a\", \"a\"", "\"a\""));
     static const char *const others[] = {"", "a", "\"a", "\"b\"", "\"ab\"", "\"b\" nonsense", "W/", "\"\""};
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (preconditions_match(others[i], "\"a\"", true)) fail_msg("%s", others[i]);
+        if (preconditions_match(others[i], "\"a\"")) fail_msg("%s", others[i]);
 }
 
 static void test_ranges(void **state)

@@ -24,7 +24,7 @@ void constant_document_clear(constant_document *d)
 void constant_document_answer(const constant_document *d, const http_request *request, reply *r)
 {
     const char *known = request->header[HTTP_IF_NONE_MATCH];
-    if (known && preconditions_match(known, d->tag, true))
+    if (known && preconditions_match(known, d->tag))
         reply_set_empty(r, 304);
     else
         reply_set_constant(r, d->type, d->bytes, d->length);

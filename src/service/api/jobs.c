@@ -1004,7 +1004,7 @@ bool jobs_show_kept(const http_context *c, const http_request *request, reply *r
     if (request->header[HTTP_PREFER] ||
         !document_cache_find(c->documents, c->q, request->parameter[0], request->caller, &kept))
         return false;
-    if (known && preconditions_match(known, kept.tag, true)) {
+    if (known && preconditions_match(known, kept.tag)) {
         reply_set_empty(r, 304);
         free(kept.text);
     } else {
@@ -1027,14 +1027,13 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     job_json_live_clear(&live);
     /* at the first call, an outdated ETag is answered at once; after a wait, progress alone does not end
      * the wait */
-    bool current =
-        known && (request->waited ? has_revision(known, &job) : preconditions_match(known, tag, true));
+    bool current = known && (request->waited ? has_revision(known, &job) : preconditions_match(known, tag));
     if (patient && (known ? current : !queue_state_is_final(job.state))) {
         reply_set_waiting(r, job.id, until_ms);
         queue_job_clear(&job);
         return;
     }
-    if (known && preconditions_match(known, tag, true)) {
+    if (known && preconditions_match(known, tag)) {
         reply_set_empty(r, 304);
         reply_add_header(r, "ETag", tag);
     } else {

@@ -205,7 +205,7 @@ static void send_file(const http_request *request, const result_output *output, 
     const char *known = request->header[HTTP_IF_NONE_MATCH], *same = request->header[HTTP_IF_RANGE];
     const char *wanted = same && strcmp(same, tag) != 0 ? NULL : request->header[HTTP_RANGE];
     preconditions_range range = preconditions_read_range(wanted, bytes, &first, &count);
-    if (known && preconditions_match(known, tag, true)) {
+    if (known && preconditions_match(known, tag)) {
         reply_set_empty(r, 304);
         close(fd);
     } else if (range == PRECONDITIONS_UNSATISFIABLE) {
@@ -371,7 +371,7 @@ void result_files_send_thumbnail(const http_context *c, const http_request *requ
             char tag[sizeof p.found.output[i].sha256 + 16];
             snprintf(tag, sizeof tag, "\"%s.%d\"", p.found.output[i].sha256, THUMBNAIL_SIDE);
             const char *known = request->header[HTTP_IF_NONE_MATCH];
-            if (known && preconditions_match(known, tag, true))
+            if (known && preconditions_match(known, tag))
                 reply_set_empty(r, 304);
             else
                 send_thumbnail(c, &p, r);

@@ -430,14 +430,14 @@ static void write_log(const engine_attempt *a)
 /* Reads per turn. A worker that writes without end must not block the supervisor. */
 #define READS_A_TURN 16
 
-static bool take_in(engine_attempt *a, int turns)
+static bool take_in(engine_attempt *a)
 {
     char block[16384];
     bool whole = false;
     size_t got;
-    for (int i = 0; i < turns && (got = read_some(&a->log_fd, block, sizeof block)); i++)
+    for (int i = 0; i < READS_A_TURN && (got = read_some(&a->log_fd, block, sizeof block)); i++)
         keep_log(a, block, got);
-    for (int i = 0; i < turns && (got = read_some(&a->progress_fd, block, sizeof block)); i++)
+    for (int i = 0; i < READS_A_TURN && (got = read_some(&a->progress_fd, block, sizeof block)); i++)
         whole |= keep_lines(a, block, got);
     return whole;
 }
@@ -447,7 +447,7 @@ static bool poll_attempt(engine_attempt *a, const char **progress)
     /* test this first: then all output of the ended process is in the pipes */
     struct pollfd end = {.fd = a->pidfd, .events = POLLIN};
     bool ended = poll(&end, 1, 0) > 0;
-    *progress = take_in(a, READS_A_TURN) ? a->newest : NULL;
+    *progress = take_in(a) ? a->newest : NULL;
     if (!ended) update_log_file(a);
     return ended;
 }
@@ -479,7 +479,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
     kill(-a->pid, SIGKILL); /* kills what the worker may have started */
     while (wait4(a->pid, &status, 0, &usage) < 0 && errno == EINTR) continue;
     /* a pipe holds 64 KiB, so this reads the rest of the worker's output */
-    take_in(a, READS_A_TURN);
+    take_in(a);
     ending->exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;
     control_group_use use = control_group_end(a->group);

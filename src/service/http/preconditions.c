@@ -5,19 +5,17 @@
 #include <string.h>
 #include <strings.h>
 
-bool preconditions_match(const char *list, const char *tag, bool weakly)
+bool preconditions_match(const char *list, const char *tag)
 {
     size_t length = strlen(tag);
     while (*list) {
         list += strspn(list, " \t,");
         if (*list == '*') return true;
-        bool weak = strncmp(list, "W/", 2) == 0;
-        if (weak) list += 2;
+        if (strncmp(list, "W/", 2) == 0) list += 2;
         if (*list != '"') return false;
         const char *end = strchr(list + 1, '"');
         if (!end) return false;
-        if ((weakly || !weak) && (size_t)(end + 1 - list) == length && memcmp(list, tag, length) == 0)
-            return true;
+        if ((size_t)(end + 1 - list) == length && memcmp(list, tag, length) == 0) return true;
         list = end + 1;
     }
     return false;

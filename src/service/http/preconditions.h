@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/* preconditions: evaluates the headers If-Match, If-None-Match and Range, which state what the client already
+/* preconditions: evaluates the headers If-None-Match and Range, which state what the client already
  * has (RFC 9110, 13 and 14). No state; any thread.
  */
 #ifndef HEXAD_SERVICE_HTTP_PRECONDITIONS_H
@@ -8,9 +8,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Whether the list of an If-Match or If-None-Match contains the tag, which includes its quotes. `*` matches
- * every tag. Weak tags (W/) match only if `weakly` is true. */
-bool preconditions_match(const char *list, const char *tag, bool weakly);
+/* Whether the list of an If-None-Match contains the tag, which includes its quotes. `*` matches every tag, and a
+ * weak tag (W/) the same one. */
+bool preconditions_match(const char *list, const char *tag);
 
 typedef enum preconditions_range {
     PRECONDITIONS_WHOLE,

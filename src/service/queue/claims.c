@@ -99,7 +99,7 @@ static bool promote(database *d, int64_t now, error *e)
 static void read_row(sqlite3_stmt *s, queue_claimed *claimed)
 {
     int column = JOB_COLUMN_COUNT + TASK_COLUMN_COUNT;
-    job_row_read(s, 0, &claimed->job);
+    job_row_read(s, &claimed->job);
     job_row_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
     claimed->job.spec = database_text(s, column);
     claimed->timeout_ms = sqlite3_column_int64(s, column + 1);

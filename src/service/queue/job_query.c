@@ -24,7 +24,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
             text(id));
     while (database_next(d, s, &ok, e)) {
         got = true;
-        job_row_read(s, 0, &read);
+        job_row_read(s, &read);
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
@@ -217,7 +217,7 @@ static bool list_walk(queue *q, const queue_filter *filter, int visits, queue_pa
     while (ok && database_next(d, s, &ok, e)) {
         if (read.count == capacity)
             read.jobs = mem_resize(read.jobs, (capacity = capacity * 2 + 16) * sizeof *read.jobs);
-        job_row_read(s, 0, &read.jobs[read.count]);
+        job_row_read(s, &read.jobs[read.count]);
         read.jobs[read.count++].spec = database_text(s, JOB_COLUMN_COUNT);
     }
     database_end_read(d);

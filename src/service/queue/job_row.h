@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* job_row: reads rows of the tables job and task into the structures of queue.h.
  *
- * Private to src/service/queue. The statement must select JOB_COLUMNS or TASK_COLUMNS, starting at any
+ * Private to src/service/queue. The statement must select JOB_COLUMNS first, or TASK_COLUMNS starting at any
  * column.
  */
 #ifndef HEXAD_SERVICE_QUEUE_JOB_ROW_H
@@ -27,9 +27,9 @@
 
 #define TASK_COLUMN_COUNT 16
 
-/* `at`: index of the first of the columns. The spec is not read. Texts are allocated; queue_job_clear and
+/* `at`: index of the first of the columns of a task. The spec is not read. Texts are allocated; queue_job_clear and
  * queue_task_clear free them. */
-void job_row_read(sqlite3_stmt *s, int at, queue_job *job);
+void job_row_read(sqlite3_stmt *s, queue_job *job);
 void job_row_read_task(sqlite3_stmt *s, int at, queue_task *task);
 queue_outcome job_row_outcome(sqlite3_stmt *s, int column);
 
