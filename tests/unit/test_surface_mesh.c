@@ -43,7 +43,7 @@ static void assert_whole(mesh m, scattered *s, const uint32_t (*side)[2], size_t
     triangulation made = {0};
     error e = {0};
     if (!surface_mesh_make(&in, &made.corner, &made.facts.triangles, &e) ||
-        !triangulation_survey(&points, mesh_fixture_pool(), &made, &e))
+        !triangulation_survey(&points, mesh_fixture_pool(), &made, NULL, &e))
         fail_msg("%s", e.message);
     assert_true(triangulation_is_closed(&made.facts));
     assert_int_equal(made.facts.euler, euler);

@@ -194,6 +194,36 @@ static void non_manifold_results_are_reported(void **state)
     point_set_free(&alone);
 }
 
+/* A closed triangulation without one triangle: its corners are faulty. Then they are the ends of steps along a
+ * curve that bounds the surface. */
+static void faulty_vertices_are_marked(void **state)
+{
+    (void)state;
+    enum { POINTS = 500 };
+    point_set s = point_set_sphere(POINTS, vec3_make(0, 0, 0), 1);
+    triangulation t = triangulate(&s, NULL, 1);
+    bool faulty[POINTS];
+    error e = {0};
+    threads *pool = threads_new(1, NULL, &e);
+    triangulation_input in = {
+        .count = POINTS, .position = s.position, .normal = s.normal, .spacing = s.points.spacing};
+    const uint32_t *gone = t.corner[--t.facts.triangles];
+    const uint32_t side[3][2] = {{gone[0], gone[1]}, {gone[1], gone[2]}, {gone[2], gone[0]}};
+    assert_non_null(pool);
+    assert_true(triangulation_survey(&in, pool, &t, faulty, &e));
+    assert_int_equal(triangulation_faults(&t.facts), 3);
+    for (uint32_t v = 0; v < POINTS; v++)
+        assert_int_equal(faulty[v], v == gone[0] || v == gone[1] || v == gone[2]);
+    in.side = side;
+    in.side_count = 3;
+    assert_true(triangulation_survey(&in, pool, &t, faulty, &e));
+    assert_int_equal(triangulation_faults(&t.facts), 0);
+    for (uint32_t v = 0; v < POINTS; v++) assert_false(faulty[v]);
+    threads_free(pool);
+    triangulation_free(&t);
+    point_set_free(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -202,6 +232,7 @@ int main(void)
         cmocka_unit_test(small_holes_are_closed),
         cmocka_unit_test(rims_and_holes_are_distinguished),
         cmocka_unit_test(non_manifold_results_are_reported),
+        cmocka_unit_test(faulty_vertices_are_marked),
     };
     return cmocka_run_group_tests_name("triangulation", tests, NULL, NULL);
 }

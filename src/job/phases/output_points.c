@@ -9,8 +9,7 @@
 #include "base/core/memory.h"
 #include "base/core/precision.h"
 #include "job/phases/chord_error.h"
-#include "job/phases/fault_repair.h"
-#include "job/phases/patch_meshes.h"
+#include "job/phases/points_mesh.h"
 #include "job/report/outcome.h"
 #include "sampling/solver/curves/curve_chains.h"
 #include "surface/field/patches.h"
@@ -197,10 +196,6 @@ static int64_t (*labels_of(const triangulation *made, const label_surface *label
     return out;
 }
 
-/* Maximum points of a segmentation for a repair of its patches: the pieces of the mesh would take
- * gigabytes. */
-static const size_t most_of_patches = 200000;
-
 static bool copy_known(const results_input *in, const triangulation_input *sites, threads *pool,
                        triangulation *out, error *e)
 {
@@ -208,24 +203,23 @@ static bool copy_known(const results_input *in, const triangulation_input *sites
                            .facts.triangles = in->corners};
     if (!out->corner) return false;
     memcpy(out->corner, in->corner, in->corners * sizeof *out->corner);
-    return triangulation_survey(sites, pool, out, e);
+    return triangulation_survey(sites, pool, out, NULL, e);
 }
 
 /* Uses the known triangles. Otherwise triangulates by the points and their normals alone and, if that is not
- * a manifold, repairs it along the mesh. */
+ * a manifold, repairs it along the triangles of the surface. */
 static bool triangulate(const results_input *in, const triangulation_input *sites, threads *pool,
                         triangulation *out, error *e)
 {
     error why = {0};
     if (in->corner) return copy_known(in, sites, pool, out, e);
     if (!triangulation_make(sites, pool, out, e)) return false;
-    const bool on_patches =
-        in->labels && in->sampled == label_surface_field(in->labels) && sites->count <= most_of_patches;
-    if (!(in->triangles || on_patches) || triangulation_is_manifold(&out->facts)) return true;
-    const bool ok = on_patches
-                        ? patch_meshes_repair(sites, label_surface_patches(in->labels), pool, out, &why)
-                        : fault_repair_along(sites, in->triangles, pool, out, &why);
-    if (ok || why.code == ERROR_LIMIT_MEMORY) return true; /* keep the present triangulation */
+    const mesh_patches *patches = in->labels && in->sampled == label_surface_field(in->labels)
+                                      ? label_surface_patches(in->labels)
+                                      : NULL;
+    if (!(in->triangles || patches) || triangulation_is_manifold(&out->facts)) return true;
+    if (points_mesh_repair(sites, in->triangles, patches, pool, out, &why) || why.code == ERROR_LIMIT_MEMORY)
+        return true; /* keep the present triangulation */
     if (e) *e = why;
     return false;
 }

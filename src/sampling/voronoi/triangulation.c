@@ -102,7 +102,7 @@ typedef struct wedge {
 
 /* Counts of one chunk. */
 typedef struct tally {
-    size_t edges, boundary, rim, bad_edges, seams, bad_vertices;
+    size_t edges, boundary, rim, bad_edges, seams, bad_vertices, off_steps;
     double ratio;
 } tally;
 
@@ -116,6 +116,7 @@ typedef struct survey {
                          * none */
     uint32_t *side;
     tally *tally; /* per chunk */
+    bool *faulty; /* per vertex, or NULL */
 } survey;
 
 static void free_survey(survey *job)
@@ -194,22 +195,43 @@ static bool is_at_boundary(const triangulation_input *in, uint32_t i)
            (in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]));
 }
 
-/* Counts the edge from i to `other`, at its end of lower index. False: it is in too many triangles. */
-static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
+/* Counts the edge from i to `other`, at its end of lower index, and sets *faulty if it is faulty. False: it is in
+ * too many triangles. */
+static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t, bool *faulty)
 {
+    const bool is_lower = i < other;
     size_t first, second;
     count_sides(job->wedge + job->begin[i], job->begin[i + 1] - job->begin[i], other, &first, &second);
-    bool good = first <= 1 && second <= 1;
-    if (i > other) return good;
-    const size_t sides = count_between(job, i, other);
-    t->edges++;
-    t->bad_edges += !good;
-    t->seams += !good && first + second == sides;
-    if (first + second == 1) {
-        t->boundary++;
-        t->rim += sides == 1 || (is_at_boundary(job->in, i) && is_at_boundary(job->in, other));
-    }
+    t->edges += is_lower;
+    if (first == 1 && second == 1) return true;
+    const bool good = first <= 1 && second <= 1;
+    const size_t steps = count_between(job, i, other);
+    const bool is_seam = !good && first + second == steps,
+               is_rim =
+                   good && (steps == 1 || (is_at_boundary(job->in, i) && is_at_boundary(job->in, other)));
+    t->boundary += is_lower && good;
+    t->rim += is_lower && is_rim;
+    t->bad_edges += is_lower && !good;
+    t->seams += is_lower && is_seam;
+    *faulty |= !is_seam && !is_rim;
     return good;
+}
+
+/* Counts the triangles that are missing or in excess along the curve steps at a point, each step at its end of lower
+ * index. Returns whether there are any. */
+static bool tally_steps(const survey *job, uint32_t i, tally *t)
+{
+    bool any = false;
+    for (size_t k = job->side_begin[i]; k < job->side_begin[i + 1]; k++) {
+        size_t first, second, off;
+        count_sides(job->wedge + job->begin[i], job->begin[i + 1] - job->begin[i], job->side[k], &first,
+                    &second);
+        const size_t steps = count_between(job, i, job->side[k]), sides = first + second;
+        off = sides > steps ? sides - steps : steps - sides;
+        any |= off > 0;
+        t->off_steps += i < job->side[k] ? off : 0;
+    }
+    return any;
 }
 
 /* The other end of edge k at a point; an edge occurs once per triangle. */
@@ -252,10 +274,13 @@ static void survey_points(void *context, int worker, size_t begin, size_t end)
     for (uint32_t i = (uint32_t)begin; i < end; i++) {
         const wedge *w = job->wedge + job->begin[i];
         size_t count = job->begin[i + 1] - job->begin[i];
-        bool good = true;
+        bool good = true, faulty = false;
         for (size_t k = 0; k < 2 * count; k++)
-            if (is_first_time(w, k)) good &= tally_edge(job, i, edge_at(w, k), t);
-        t->bad_vertices += count == 0 || (good && !is_one_fan(w, count));
+            if (is_first_time(w, k)) good &= tally_edge(job, i, edge_at(w, k), t, &faulty);
+        const bool is_bad = count == 0 || (good && !is_one_fan(w, count));
+        t->bad_vertices += is_bad;
+        if (job->in->ends_at_steps && job->side) faulty |= tally_steps(job, i, t);
+        if (job->faulty) job->faulty[i] = is_bad || faulty;
     }
 }
 
@@ -280,6 +305,7 @@ static void survey_triangles(void *context, int worker, size_t begin, size_t end
 
 static void conclude(const tally *all, size_t chunks, size_t points, triangulation_facts *out)
 {
+    *out = (triangulation_facts){.triangles = out->triangles, .hole_triangles = out->hole_triangles};
     for (size_t k = 0; k < chunks; k++) {
         out->edges += all[k].edges;
         out->boundary_edges += all[k].boundary;
@@ -287,6 +313,7 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
         out->nonmanifold_edges += all[k].bad_edges;
         out->seam_edges += all[k].seams;
         out->nonmanifold_vertices += all[k].bad_vertices;
+        out->off_steps += all[k].off_steps;
         out->radius_ratio += all[k].ratio;
     }
     if (out->triangles > 0) out->radius_ratio /= (double)out->triangles;
@@ -486,8 +513,6 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
     return ok;
 }
 
-/* ---- labels ---- */
-
 /* Removes triangles between points on curves that lie beyond the curves. */
 static void drop_outside(const triangulation_input *in, triangulation *t)
 {
@@ -506,8 +531,9 @@ static void drop_outside(const triangulation_input *in, triangulation *t)
     t->facts.triangles = kept;
 }
 
-/* Sets the labels of the triangles and replaces points by vertices. */
-static bool join_labels(const triangulation_input *in, triangulation *t, error *e)
+/* ---- the whole ---- */
+
+bool triangulation_join(const triangulation_input *in, triangulation *t, error *e)
 {
     t->label = mem_array(t->facts.triangles, sizeof *t->label, "the mesh", e);
     if (!t->label) return false;
@@ -519,13 +545,12 @@ static bool join_labels(const triangulation_input *in, triangulation *t, error *
     return true;
 }
 
-/* ---- the whole ---- */
-
-bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, error *e)
+bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, bool *faulty,
+                          error *e)
 {
     triangulation_input vertices = *in;
     if (in->point) vertices.count = in->points;
-    survey job = {.in = &vertices, .made = made, .vertex_of = in->point};
+    survey job = {.in = &vertices, .made = made, .vertex_of = in->point, .faulty = faulty};
     size_t most = made->facts.triangles > vertices.count ? made->facts.triangles : vertices.count,
            chunks = most / CHUNK + 1;
     job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
@@ -555,8 +580,8 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     if (ok && in->flags) drop_outside(in, out);
     if (ok && in->side) ok = drop_beyond_curves(in, out, e);
     ok = ok && close_holes(in, out, e);
-    if (ok && in->point) ok = join_labels(in, out, e);
-    return ok && triangulation_survey(in, pool, out, e);
+    if (ok && in->point) ok = triangulation_join(in, out, e);
+    return ok && triangulation_survey(in, pool, out, NULL, e);
 }
 
 void triangulation_free(triangulation *t)
@@ -566,10 +591,15 @@ void triangulation_free(triangulation *t)
     *t = (triangulation){0};
 }
 
+size_t triangulation_faults(const triangulation_facts *f)
+{
+    return f->nonmanifold_edges - f->seam_edges + f->nonmanifold_vertices + f->boundary_edges - f->rim_edges +
+           f->off_steps;
+}
+
 bool triangulation_is_manifold(const triangulation_facts *f)
 {
-    return f->triangles > 0 && f->nonmanifold_edges == f->seam_edges && f->nonmanifold_vertices == 0 &&
-           f->boundary_edges == f->rim_edges;
+    return f->triangles > 0 && triangulation_faults(f) == 0;
 }
 
 bool triangulation_is_closed(const triangulation_facts *f)

@@ -44,6 +44,9 @@ typedef struct triangulation_input {
      * beyond the curves are removed. */
     const uint32_t (*side)[2];
     size_t side_count;
+    /* For triangulation_survey: each label has its own vertices. An edge along a curve should then have one triangle
+     * for each of its steps. */
+    bool ends_at_steps;
     /* Whether x is on the surface of the label, not beyond its curves. Triangles of three fixed points with a
      * centroid beyond are removed. Required if there are flags. */
     bool (*is_within)(const void *context, uint32_t label, vec3 x);
@@ -64,6 +67,7 @@ typedef struct triangulation_facts {
     /* vertices in no triangle, or where surfaces touch in a point; ends of nonmanifold edges are not
      * counted */
     size_t nonmanifold_vertices;
+    size_t off_steps;    /* with ends_at_steps: triangles that are missing or in excess along curves */
     double radius_ratio; /* mean of 2 r_in / R_circ of the triangles; 1: all are equilateral */
 } triangulation_facts;
 
@@ -76,15 +80,22 @@ typedef struct triangulation {
 /* Triangulates the points, closes small holes and computes the facts. Free *out also after failure. Errors:
  * limit_memory, cancelled. Deterministic for any number of threads. */
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e);
+/* Of triangles between points: sets the labels, and replaces points by their vertices. Error: limit_memory. */
+bool triangulation_join(const triangulation_input *in, triangulation *made, error *e);
 /* Computes the facts of existing triangles: made->corner has made->facts.triangles of them, between vertices
- * of the input. Closes no holes. Adds to the counts: before the call all facts but triangles and
- * hole_triangles are 0. Errors: limit_memory, cancelled. */
-bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, error *e);
+ * of the input. Closes no holes; keeps facts.hole_triangles. faulty[v], for each vertex: whether it is in no
+ * triangle, or touches an edge that is a fault, or its triangles form several fans; or NULL. Errors:
+ * limit_memory, cancelled. */
+bool triangulation_survey(const triangulation_input *in, threads *pool, triangulation *made, bool *faulty,
+                          error *e);
 void triangulation_free(triangulation *t);
 
+/* The number of faults: nonmanifold edges that are not seam edges, nonmanifold vertices, boundary edges that are
+ * not rim edges, and off_steps. */
+size_t triangulation_faults(const triangulation_facts *facts);
 /* Whether the triangles are one or several manifold surfaces, which may meet in seams and end only at
- * boundaries of the surface: there is a triangle, no nonmanifold vertex, all nonmanifold edges are seam
- * edges, and all boundary edges are rim edges. True for an open surface that ends at a face of the domain. */
+ * boundaries of the surface: there is a triangle, and there are no faults. True for an open surface that ends
+ * at a face of the domain. */
 bool triangulation_is_manifold(const triangulation_facts *facts);
 /* Whether in addition there is no boundary edge: false for every open surface. */
 bool triangulation_is_closed(const triangulation_facts *facts);
