@@ -113,16 +113,27 @@ static void swap_items(char *a, char *b, size_t size)
     memcpy(b, kept, size);
 }
 
+static char *middle_of(char *a, char *b, char *c, int (*compare)(const void *, const void *))
+{
+    const bool up = compare(a, b) < 0;
+    if ((compare(b, c) < 0) == up) return b;
+    return (compare(a, c) < 0) == up ? c : a;
+}
+
 /* qsort for a total order. If the pool is stopped, it ends soon, and the items have any order. */
 static void sort(char *items, size_t count, size_t size, int (*compare)(const void *, const void *),
                  const threads *pool)
 {
     while (count > SORTED_AT_ONCE && !threads_stopped(pool)) {
         size_t below = 0; /* items less than the first one: the last of them is at items + below * size */
-        swap_items(items, items + count / 2 * size, size);
-        for (size_t k = 1; k < count; k++)
+        const size_t quarter = count / 4 * size;
+        swap_items(items, middle_of(items + quarter, items + 2 * quarter, items + 3 * quarter, compare),
+                   size);
+        for (size_t k = 1; k < count; k++) {
+            if (k % SORTED_AT_ONCE == 0 && threads_stopped(pool)) return;
             if (compare(items + k * size, items) < 0 && ++below < k)
                 swap_items(items + below * size, items + k * size, size);
+        }
         swap_items(items, items + below * size, size);
         if (below < count / LEAST_SHARE || below > count - count / LEAST_SHARE) break;
         sort(items, below, size, compare, pool);
