@@ -10,13 +10,13 @@
 
 static const char what[] = "the cells of the points";
 
-typedef struct growth {
+typedef struct cell_growth {
     const fine_mesh *f;
     double *distance;         /* per vertex: the least candidate distance so far, INFINITY if there is none */
     uint32_t *offered, *name; /* per vertex: the point of this candidate; the point of the cell once the
                                * vertex is final */
     heap candidates;          /* vertices, `of` points; key: the distance of both */
-} growth;
+} cell_growth;
 
 /* ---- propagation ---- */
 
@@ -37,7 +37,7 @@ static double distance_across(vec3 u, double from_u, vec3 v, double from_v, vec3
 
 /* Pushes a candidate if it is better than the previous candidates of its vertex. Worse candidates in the
  * heap are skipped later, because the vertex is final then. */
-static bool offer(growth *g, heap_item r, error *e)
+static bool offer(cell_growth *g, heap_item r, error *e)
 {
     const uint32_t v = r.item;
     if (r.key > g->distance[v] || (r.key == g->distance[v] && r.of >= g->offered[v])) return true;
@@ -47,7 +47,7 @@ static bool offer(growth *g, heap_item r, error *e)
 }
 
 /* Pushes candidates for the neighbours of v, which has just become final, across its triangles. */
-static bool look_around(growth *g, uint32_t v, error *e)
+static bool look_around(cell_growth *g, uint32_t v, error *e)
 {
     const mesh *m = &g->f->m;
     for (size_t k = g->f->first[v]; k < g->f->first[v + 1]; k++) {
@@ -67,7 +67,7 @@ static bool look_around(growth *g, uint32_t v, error *e)
 }
 
 /* Pushes each point as a candidate for the corners of its triangle. */
-static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
+static bool begin(cell_growth *g, size_t count, const vec3 *position, const uint32_t *name, error *e)
 {
     const mesh *m = &g->f->m;
     triangle_tree *tree = triangle_tree_new(m, NULL, e);
@@ -85,10 +85,10 @@ static bool begin(growth *g, size_t count, const vec3 *position, const uint32_t 
 bool geodesic_cells_grow(const fine_mesh *f, size_t count, const vec3 *position, const uint32_t *name,
                          uint32_t **out, error *e)
 {
-    growth g = {.f = f,
-                .distance = mem_array(f->m.vertex_count, sizeof *g.distance, what, e),
-                .offered = mem_array(f->m.vertex_count, sizeof *g.offered, what, e),
-                .name = mem_array(f->m.vertex_count, sizeof *g.name, what, e)};
+    cell_growth g = {.f = f,
+                     .distance = mem_array(f->m.vertex_count, sizeof *g.distance, what, e),
+                     .offered = mem_array(f->m.vertex_count, sizeof *g.offered, what, e),
+                     .name = mem_array(f->m.vertex_count, sizeof *g.name, what, e)};
     bool ok = g.distance && g.offered && g.name;
     for (size_t v = 0; ok && v < f->m.vertex_count; v++) {
         g.distance[v] = INFINITY;

@@ -26,7 +26,7 @@ enum { MOST_PARTINGS = 10 };
 
 #define NONE SIZE_MAX
 
-typedef struct flipping {
+typedef struct edge_flips {
     const vec3 *at; /* position of each name */
     uint32_t (*triangle)[3];
     size_t count;
@@ -40,14 +40,14 @@ typedef struct flipping {
     size_t waiting;
     uint32_t (*doubled)[2]; /* pairs of points that are joined by several edges */
     size_t doubled_count;
-} flipping;
+} edge_flips;
 
 static size_t next(size_t side)
 {
     return side % 3 == 2 ? side - 2 : side + 1;
 }
 
-static uint32_t start_of(const flipping *f, size_t side)
+static uint32_t start_of(const edge_flips *f, size_t side)
 {
     return f->triangle[side / 3][side % 3];
 }
@@ -92,7 +92,7 @@ static size_t piece_across(const fine_mesh *f, size_t from, uint32_t u, uint32_t
 /* Finds the twin of each side of the dual: follows the edge between two cells from the piece where a
  * third cell ends it to the next such piece. Cells that meet along several edges are thus joined by as
  * many sides. */
-static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of, flipping *f)
+static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_t *triangle_of, edge_flips *f)
 {
     const vec3 *x = fine->m.vertex;
     for (size_t s = 0; s < 3 * f->count; s++) f->twin[s] = NONE;
@@ -121,30 +121,30 @@ static void trace_sides(const fine_mesh *fine, const uint32_t *name, const size_
 
 /* ---- flips ---- */
 
-typedef struct directed {
+typedef struct half_edge {
     uint32_t from, to;
     size_t side;
-} directed;
+} half_edge;
 
 static int by_ends(const void *left, const void *right)
 {
-    const directed *a = left, *b = right;
+    const half_edge *a = left, *b = right;
     if (a->from != b->from) return a->from < b->from ? -1 : 1;
     if (a->to != b->to) return a->to < b->to ? -1 : 1;
     return a->side < b->side ? -1 : a->side > b->side;
 }
 
 /* The number of sides with the same start and end as `first`, in the order of by_ends. */
-static size_t run_length(const directed *first, const directed *end)
+static size_t run_length(const half_edge *first, const half_edge *end)
 {
     size_t count = 1;
     while (first + count < end && first[count].from == first->from && first[count].to == first->to) count++;
     return count;
 }
 
-static const directed *find_run(const directed *all, size_t sides, uint32_t from, uint32_t to)
+static const half_edge *find_run(const half_edge *all, size_t sides, uint32_t from, uint32_t to)
 {
-    const directed wanted = {from, to, 0};
+    const half_edge wanted = {from, to, 0};
     size_t low = 0, high = sides;
     while (low < high) {
         const size_t middle = low + (high - low) / 2;
@@ -156,21 +156,21 @@ static const directed *find_run(const directed *all, size_t sides, uint32_t from
     return low < sides && all[low].from == from && all[low].to == to ? &all[low] : NULL;
 }
 
-static uint32_t apex_of(const flipping *f, size_t side)
+static uint32_t apex_of(const edge_flips *f, size_t side)
 {
     return start_of(f, next(next(side)));
 }
 
-static void join_sides(flipping *f, size_t side, size_t twin)
+static void join_sides(edge_flips *f, size_t side, size_t twin)
 {
     f->twin[side] = twin;
     if (twin != NONE) f->twin[twin] = side;
 }
 
 /* Marks the edge between two points of a curve as kept: of several, the one nearest to the curve. */
-static void keep_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
+static void keep_along(edge_flips *f, const half_edge *all, uint32_t a, uint32_t b)
 {
-    const directed *first = find_run(all, 3 * f->count, a, b), *best = first;
+    const half_edge *first = find_run(all, 3 * f->count, a, b), *best = first;
     if (!first) first = best = find_run(all, 3 * f->count, b, a);
     if (!first) return;
     for (size_t k = 1; k < run_length(first, all + 3 * f->count); k++)
@@ -180,12 +180,12 @@ static void keep_along(flipping *f, const directed *all, uint32_t a, uint32_t b)
 }
 
 /* Sets `kept` from the curves, and lists the pairs of points that are joined by several edges. */
-static bool list_sides(const surface_mesh_input *in, flipping *f, error *e)
+static bool list_sides(const surface_mesh_input *in, edge_flips *f, error *e)
 {
     const size_t sides = 3 * f->count;
-    directed *all = mem_array(sides, sizeof *all, what, e);
+    half_edge *all = mem_array(sides, sizeof *all, what, e);
     if (!all) return false;
-    for (size_t s = 0; s < sides; s++) all[s] = (directed){start_of(f, s), start_of(f, next(s)), s};
+    for (size_t s = 0; s < sides; s++) all[s] = (half_edge){start_of(f, s), start_of(f, next(s)), s};
     qsort(all, sides, sizeof *all, by_ends);
     for (size_t k = 0, n; k < sides; k += n) {
         n = run_length(&all[k], all + sides);
@@ -213,7 +213,7 @@ static vec3 facing_of(vec3 a, vec3 b, vec3 c)
 
 /* Whether an edge joins a and b, found by walking around a. True also if the triangles around a are not a
  * disc. */
-static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
+static bool are_joined(const edge_flips *f, uint32_t a, uint32_t b)
 {
     size_t s = f->side_of[a];
     const size_t begin = s;
@@ -229,13 +229,13 @@ static bool are_joined(const flipping *f, uint32_t a, uint32_t b)
 
 /* Whether an edge between c and d may be added. It is refused only if the walks around both c and d report
  * an edge. */
-static bool may_join(const flipping *f, uint32_t c, uint32_t d)
+static bool may_join(const edge_flips *f, uint32_t c, uint32_t d)
 {
     return c != d && (!are_joined(f, c, d) || !are_joined(f, d, c));
 }
 
 /* Whether replacing the edge (a, b), with the opposite corners c and d, by (c, d) is an improvement. */
-static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
+static bool is_better_flipped(const edge_flips *f, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 {
     const vec3 *x = f->at;
     if (angle_at(x[c], x[a], x[b]) + angle_at(x[d], x[a], x[b]) <= M_PI + SAME_ANGLE) return false;
@@ -245,7 +245,7 @@ static bool is_better_flipped(const flipping *f, uint32_t a, uint32_t b, uint32_
     return vec3_dot(both, one) > least && vec3_dot(both, other) > least && may_join(f, c, d);
 }
 
-static void wait_for(flipping *f, size_t side)
+static void wait_for(edge_flips *f, size_t side)
 {
     if (f->twin[side] == NONE || f->kept[side]) return;
     const size_t s = side < f->twin[side] ? side : f->twin[side];
@@ -255,7 +255,7 @@ static void wait_for(flipping *f, size_t side)
 }
 
 /* Replaces the triangles (a, b, c) and (b, a, d) by (c, d, b) and (d, c, a). */
-static void flip(flipping *f, size_t s)
+static void flip(edge_flips *f, size_t s)
 {
     const size_t t = f->twin[s], bc = f->twin[next(s)], ca = f->twin[next(next(s))], ad = f->twin[next(t)],
                  db = f->twin[next(next(t))];
@@ -287,7 +287,7 @@ static void flip(flipping *f, size_t s)
 
 /* Among the edges between two points that may be flipped, the one with the largest sum of opposite angles.
  * *edges: the number of all edges between them. */
-static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edges)
+static size_t worst_edge(const edge_flips *f, uint32_t a, uint32_t b, size_t *edges)
 {
     const size_t begin = f->side_of[a];
     size_t worst = NONE;
@@ -312,7 +312,7 @@ static size_t worst_edge(const flipping *f, uint32_t a, uint32_t b, size_t *edge
 }
 
 /* Flips all but one of several edges between the same points, where flips are permitted. */
-static void part_doubled(flipping *f)
+static void part_doubled(edge_flips *f)
 {
     for (int pass = 0; pass < MOST_PARTINGS; pass++) {
         size_t flips = 0, edges;
@@ -325,7 +325,7 @@ static void part_doubled(flipping *f)
     }
 }
 
-static void flip_edges(flipping *f)
+static void flip_edges(edge_flips *f)
 {
     for (size_t s = 0; s < 3 * f->count; s++) wait_for(f, s);
     for (size_t flips = 0; f->waiting > 0 && flips < MOST_FLIPS * f->count;) {
@@ -341,7 +341,7 @@ static void flip_edges(flipping *f)
 /* ---- points whose cell is surrounded by one other cell ---- */
 
 /* The triangle at point a whose centroid is nearest to x. */
-static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
+static size_t nearest_around(const edge_flips *f, uint32_t a, vec3 x)
 {
     size_t nearest = NONE;
     double least = INFINITY;
@@ -360,7 +360,7 @@ static size_t nearest_around(const flipping *f, uint32_t a, vec3 x)
 }
 
 /* Replaces triangle n = (p, q, r) by (p, q, v), and stores (q, r, v) and (r, p, v) at two free indices. */
-static void cut_triangle(flipping *f, size_t n, uint32_t v, size_t second, size_t third)
+static void cut_triangle(edge_flips *f, size_t n, uint32_t v, size_t second, size_t third)
 {
     const uint32_t p = f->triangle[n][0], q = f->triangle[n][1], r = f->triangle[n][2];
     const size_t one = 3 * n, two = 3 * second, three = 3 * third, qr = f->twin[one + 1],
@@ -381,7 +381,7 @@ static void cut_triangle(flipping *f, size_t n, uint32_t v, size_t second, size_
     f->side_of[r] = three;
 }
 
-static void insert_point(flipping *f, size_t n, uint32_t v)
+static void insert_point(edge_flips *f, size_t n, uint32_t v)
 {
     cut_triangle(f, n, v, f->count, f->count + 1);
     f->count += 2;
@@ -401,7 +401,7 @@ static bool is_surrounded(const uint32_t *by, uint32_t v)
 
 /* Whether the cell of v is a ring around a thin part (a spike or a bar): it touches two cells, but no three
  * cells meet at it. */
-static bool is_ring(const uint32_t *by, const flipping *f, uint32_t v)
+static bool is_ring(const uint32_t *by, const edge_flips *f, uint32_t v)
 {
     return by[v] == SEVERAL && f->side_of[v] == NONE;
 }
@@ -435,7 +435,7 @@ static void list_surrounded(const fine_mesh *fine, const uint32_t *name, const s
 /* Inserts surrounded points. A ring is inserted into a triangle at the adjacent cell that has triangles; the
  * next ring can be inserted then, and finally the point at the tip. */
 static void insert_surrounded(const fine_mesh *fine, const uint32_t *name, const uint32_t *by, size_t names,
-                              flipping *f)
+                              edge_flips *f)
 {
     const size_t sides = 6 * fine->m.triangle_count;
     size_t rings = 0, left = SIZE_MAX;
@@ -477,7 +477,7 @@ typedef struct ring {
 
 /* Lists the points around the point at which side `begin` starts. False: the fan is not closed, or has more
  * than MOST_IN_RING points. */
-static bool walk_fan(const flipping *f, size_t begin, ring *out)
+static bool walk_fan(const edge_flips *f, size_t begin, ring *out)
 {
     out->count = 0;
     for (size_t s = begin;;) {
@@ -505,7 +505,7 @@ static bool has_point(const ring *r, uint32_t v)
 }
 
 /* The outline of one triangle. */
-static ring ring_of(const flipping *f, size_t side)
+static ring ring_of(const edge_flips *f, size_t side)
 {
     ring r = {.count = 3};
     for (size_t k = 0; k < 3; k++, side = next(side)) {
@@ -516,7 +516,7 @@ static ring ring_of(const flipping *f, size_t side)
 }
 
 /* Whether a fan and a triangle of another fan can be replaced by a band. */
-static bool may_make_way(const flipping *f, const ring *fan, const ring *triangle)
+static bool may_make_way(const edge_flips *f, const ring *fan, const ring *triangle)
 {
     for (size_t k = 0; k < 3; k++) /* at a handle, both fans may have a common point */
         if (has_point(fan, triangle->point[k]) || f->twin[triangle->side[k]] == NONE ||
@@ -532,7 +532,7 @@ static bool may_make_way(const flipping *f, const ring *fan, const ring *triangl
 
 /* Finds the triangle of `fan` that is nearest to the points of `to`, among those that can be replaced. *out:
  * its outline. */
-static bool find_triangle(const flipping *f, const ring *fan, const ring *to, ring *out)
+static bool find_triangle(const edge_flips *f, const ring *fan, const ring *to, ring *out)
 {
     double least = INFINITY;
     for (size_t k = 0; k < fan->count; k++) {
@@ -549,14 +549,14 @@ static bool find_triangle(const flipping *f, const ring *fan, const ring *to, ri
     return isfinite(least);
 }
 
-static double apart(const flipping *f, const ring *a, size_t i, const ring *b, size_t j)
+static double apart(const edge_flips *f, const ring *a, size_t i, const ring *b, size_t j)
 {
     return vec3_norm(vec3_sub(f->at[a->point[i % a->count]], f->at[b->point[j % b->count]]));
 }
 
 /* Fills the band between two outlines with triangles, in the slots of the removed triangles and in new ones:
  * two, or four if both outlines are triangles. One outline is followed forwards, the other one backwards. */
-static void make_band(flipping *f, const ring *a, const ring *b)
+static void make_band(edge_flips *f, const ring *a, const ring *b)
 {
     size_t outer[2][MOST_IN_RING], place[MOST_IN_RING + 3], i = 0, j = 0, first = NONE, last = NONE,
                                                             taken = 0;
@@ -601,7 +601,7 @@ static void make_band(flipping *f, const ring *a, const ring *b)
 
 /* Two points that meet only the point v and each other form two coincident triangles of opposite
  * orientation: inserts both points into another fan of v. */
-static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_fan)
+static bool move_pair(edge_flips *f, const ring *pair, const ring *fan, size_t of_fan)
 {
     const uint32_t v = start_of(f, of_fan), a = pair->point[0], b = pair->point[1];
     if (pair->count != 2 || f->twin[pair->side[0]] != pair->side[1] || has_point(fan, a) || has_point(fan, b))
@@ -613,7 +613,7 @@ static bool move_pair(flipping *f, const ring *pair, const ring *fan, size_t of_
 }
 
 /* Joins two fans of a point by a band. `one`, `other`: a side of each fan that begins at the point. */
-static void join_fans(flipping *f, size_t one, size_t other)
+static void join_fans(edge_flips *f, size_t one, size_t other)
 {
     ring fan[2], triangle;
     if (start_of(f, one) != start_of(f, other) || !walk_fan(f, one, &fan[0]) || !walk_fan(f, other, &fan[1]))
@@ -628,7 +628,7 @@ static void join_fans(flipping *f, size_t one, size_t other)
 }
 
 /* Lists one side of each fan of a point, except of its first fan. */
-static size_t list_fans(const flipping *f, size_t names, size_t *first, bool *seen, size_t *found)
+static size_t list_fans(const edge_flips *f, size_t names, size_t *first, bool *seen, size_t *found)
 {
     size_t count = 0;
     for (size_t v = 0; v < names; v++) first[v] = NONE;
@@ -644,7 +644,7 @@ static size_t list_fans(const flipping *f, size_t names, size_t *first, bool *se
     return count;
 }
 
-static bool make_room(flipping *f, size_t triangles, error *e)
+static bool make_room(edge_flips *f, size_t triangles, error *e)
 {
     uint32_t(*triangle)[3] = mem_array(triangles, sizeof *triangle, what, e);
     size_t *twin = mem_array(3 * triangles, sizeof *twin, what, e);
@@ -665,7 +665,7 @@ static bool make_room(flipping *f, size_t triangles, error *e)
     return true;
 }
 
-static bool join_necks(flipping *f, size_t names, error *e)
+static bool join_necks(edge_flips *f, size_t names, error *e)
 {
     size_t *first = mem_array(names, sizeof *first, what, e),
            *found = mem_array(3 * f->count, sizeof *found, what, e);
@@ -682,7 +682,7 @@ static bool join_necks(flipping *f, size_t names, error *e)
     return ok;
 }
 
-static bool touches_end(const flipping *f, const ring *r)
+static bool touches_end(const edge_flips *f, const ring *r)
 {
     bool found = false;
     for (size_t k = 0; k < r->count; k++) found |= f->twin[r->side[k]] == NONE;
@@ -692,7 +692,7 @@ static bool touches_end(const flipping *f, const ring *r)
 /* Joins the parts of the dual. If two cells meet around a bar and no third cell does, the dual has two
  * parts: a band between a triangle of each joins them. If there are several bars between the same parts,
  * only one gets a band. */
-static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f, size_t names, error *e)
+static bool join_parts(const fine_mesh *fine, const uint32_t *name, edge_flips *f, size_t names, error *e)
 {
     uint32_t *parent = mem_array(names, sizeof *parent, what, e);
     size_t parts = 0;
@@ -722,8 +722,8 @@ static bool join_parts(const fine_mesh *fine, const uint32_t *name, flipping *f,
 /* ---- public functions ---- */
 
 /* Makes the dual of the cells, with the twin of each side. */
-static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const uint32_t *name, flipping *f,
-                      error *e)
+static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const uint32_t *name,
+                      edge_flips *f, error *e)
 {
     size_t *triangle_of = mem_array(fine->m.triangle_count, sizeof *triangle_of, what, e), lost = 0;
     uint32_t *by = mem_array(in->names, sizeof *by, what, e);
@@ -752,7 +752,7 @@ static bool make_dual(const surface_mesh_input *in, const fine_mesh *fine, const
     return ok;
 }
 
-static bool improve(const surface_mesh_input *in, flipping *f, error *e)
+static bool improve(const surface_mesh_input *in, edge_flips *f, error *e)
 {
     const size_t sides = 3 * f->count;
     f->kept = mem_array(sides, sizeof *f->kept, what, e);
@@ -770,7 +770,7 @@ bool surface_mesh_make(const surface_mesh_input *in, uint32_t (**triangle)[3], s
 {
     fine_mesh fine = {0};
     uint32_t *name = NULL;
-    flipping f = {0};
+    edge_flips f = {0};
     vec3 *at = mem_array(in->names, sizeof *at, what, e);
     bool ok = at && fine_mesh_make(in->m, in->part, in->count, in->position, in->spacing, PIECES, &fine, e) &&
               geodesic_cells_grow(&fine, in->count, in->position, in->name, &name, e);
