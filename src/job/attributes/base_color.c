@@ -338,10 +338,10 @@ bool base_color_find(const attribute_request *request, point_attribute_kind *kin
 /* ---- points */
 
 /* The material and the image coordinates at a point. */
-typedef struct place {
+typedef struct texture_place {
     double uv[2]; /* NaN: none */
     uint32_t material;
-} place;
+} texture_place;
 
 /* The material of a vertex, or MESH_TEXTURES_NONE. */
 static uint32_t material_of(const textured_mesh *t, uint32_t vertex)
@@ -351,8 +351,8 @@ static uint32_t material_of(const textured_mesh *t, uint32_t vertex)
 }
 
 /* Sets the place of a point and the product of the factor and the colours of the vertices. */
-static void locate(const textured_mesh *t, const uint32_t corner[3], const double weight[3], place *out,
-                   double color[4])
+static void locate(const textured_mesh *t, const uint32_t corner[3], const double weight[3],
+                   texture_place *out, double color[4])
 {
     const mesh_material white = mesh_textures_white();
     double uv[2] = {0, 0}, tint[4] = {0, 0, 0, 0};
@@ -363,8 +363,8 @@ static void locate(const textured_mesh *t, const uint32_t corner[3], const doubl
         for (int c = 0; c < 2; c++)
             uv[c] += weight[k] * (t->uv ? t->uv[2 * (size_t)corner[k] + (size_t)c] : (double)NAN);
         for (int c = 0; c < 4; c++) {
-            const double own = t->tint ? t->tint[4 * (size_t)corner[k] + (size_t)c] : 1;
-            tint[c] += weight[k] * (isnan(own) ? 1 : own);
+            const double vertex_tint = t->tint ? t->tint[4 * (size_t)corner[k] + (size_t)c] : 1;
+            tint[c] += weight[k] * (isnan(vertex_tint) ? 1 : vertex_tint);
         }
     }
     for (int c = 0; c < 2; c++)
@@ -373,7 +373,7 @@ static void locate(const textured_mesh *t, const uint32_t corner[3], const doubl
 }
 
 static bool locate_points(const attribute_request *request, const textured_mesh *t, size_t count,
-                          const vec3 *position, place *places, double *values, size_t *far, error *e)
+                          const vec3 *position, texture_place *places, double *values, size_t *far, error *e)
 {
     double to_file[3][4];
     triangle_tree *tree = triangle_tree_new(&t->m, NULL, e);
@@ -392,7 +392,7 @@ static bool locate_points(const attribute_request *request, const textured_mesh 
 
 /* Multiplies the values of the points whose material has the image. */
 static bool apply_image(const attribute_request *request, uint32_t image, textured_mesh *t, size_t count,
-                        const place *places, double *values, error *e)
+                        const texture_place *places, double *values, error *e)
 {
     double light[256];
     image_facts facts = {0};
@@ -415,7 +415,7 @@ static bool apply_image(const attribute_request *request, uint32_t image, textur
 }
 
 /* Warns of points whose material has an image, but whose triangle has no coordinates. */
-static void warn_of_coordinates(textured_mesh *t, const place *places, size_t count)
+static void warn_of_coordinates(textured_mesh *t, const texture_place *places, size_t count)
 {
     size_t without = 0;
     for (size_t i = 0; i < count; i++)
@@ -430,7 +430,7 @@ static void warn_of_coordinates(textured_mesh *t, const place *places, size_t co
 }
 
 /* Converts linear light to sRGB, and sets opacities that are 1. Returns whether the numbers are finite. */
-static bool finish(const textured_mesh *t, const place *p, double color[4])
+static bool finish(const textured_mesh *t, const texture_place *p, double color[4])
 {
     const mesh_material *m = p->material == MESH_TEXTURES_NONE ? NULL : &t->textures.material[p->material];
     bool finite = true;
@@ -444,8 +444,8 @@ static bool finish(const textured_mesh *t, const place *p, double color[4])
 bool base_color_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                      attribute_counts *counts, error *e)
 {
-    textured_mesh t = {.places = count * sizeof(place)};
-    place *places = mem_array(count, sizeof *places, what, e);
+    textured_mesh t = {.places = count * sizeof(texture_place)};
+    texture_place *places = mem_array(count, sizeof *places, what, e);
     bool ok = places && read_mesh(request, &t, e) &&
               locate_points(request, &t, count, position, places, values, &counts->far, e);
     for (uint32_t k = 0; ok && k < t.textures.images; k++)
