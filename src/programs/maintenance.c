@@ -15,8 +15,8 @@
 #include "service/database/backup.h"
 #include "service/database/backup_directory.h"
 #include "service/database/lock.h"
-#include "service/results/audit.h"
 #include "service/results/instance_check.h"
+#include "service/results/inventory.h"
 #include "files/file.h"
 
 /* The socket of the systemd service. */
@@ -184,7 +184,7 @@ int maintenance_back_up(const config *settings)
 
 /* ---- check */
 
-static void print_findings(const char *findings, audit_tally *t)
+static void print_findings(const char *findings, inventory_tally *t)
 {
     for (const char *line = findings; *line;) {
         size_t length = strcspn(line, "\n");
@@ -195,7 +195,7 @@ static void print_findings(const char *findings, audit_tally *t)
 }
 
 /* Prints the damage that the daemon reports. */
-static bool ask_health(const config *c, audit_tally *t, error *e)
+static bool ask_health(const config *c, inventory_tally *t, error *e)
 {
     client_reply reply = {0};
     client *daemon = open_client(c, e);
@@ -211,7 +211,7 @@ static bool ask_health(const config *c, audit_tally *t, error *e)
     return ok;
 }
 
-static bool check_copy(const config *c, const char *path, bool alone, audit_tally *t, error *e)
+static bool check_copy(const config *c, const char *path, bool alone, inventory_tally *t, error *e)
 {
     char *findings = NULL;
     if (!backup_check(path, true, NULL, &findings, e)) return false;
@@ -219,12 +219,12 @@ static bool check_copy(const config *c, const char *path, bool alone, audit_tall
     free(findings);
     if (!alone) return true;
     queue *q = queue_open_copy(path, e);
-    bool ok = q && audit_results(q, *c->work_dir ? c->work_dir : c->state_dir, c->contents, stdout, t, e);
+    bool ok = q && inventory_check(q, *c->work_dir ? c->work_dir : c->state_dir, c->contents, stdout, t, e);
     queue_close(q);
     return ok;
 }
 
-static int sum_up(const audit_tally *t, bool alone, bool contents)
+static int sum_up(const inventory_tally *t, bool alone, bool contents)
 {
     if (t->findings)
         terminal_text_print(
@@ -249,7 +249,7 @@ static int sum_up(const audit_tally *t, bool alone, bool contents)
 int maintenance_check(const config *settings)
 {
     error e = {0};
-    audit_tally t = {0};
+    inventory_tally t = {0};
     int lock = -1;
     store_file file = {0};
     char *directory = backup_directory_path(settings->state_dir),

@@ -14,7 +14,6 @@
 #include "base/core/log.h"
 #include "base/core/memory.h"
 #include "service/results/inventory.h"
-#include "service/results/lost_found.h"
 #include "files/file.h"
 
 typedef struct place {
@@ -243,7 +242,7 @@ static void test_a_blocking_entry_that_cannot_be_moved_is_an_error(void **state)
     char id[ULID_SIZE];
     error e = {0};
     put(p, false, 0, QUEUE_QUEUED, id);
-    char *result = name_of("results", id, ""), *file = at(p, LOST_FOUND_DIRECTORY);
+    char *result = name_of("results", id, ""), *file = at(p, INVENTORY_LOST_FOUND);
     make(p, "results/other");
     assert_true(store_file_write(file, "x", 1, NULL));
     take(p); /* entries without a job may stay */

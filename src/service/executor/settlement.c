@@ -16,7 +16,6 @@
 #include "base/core/memory.h"
 #include "base/core/worker_contract.h"
 #include "base/json/json.h"
-#include "service/results/lost_found.h"
 #include "service/results/own_report.h"
 #include "service/results/result.h"
 #include "files/file.h"
@@ -499,23 +498,6 @@ static void decide_interrupted(bool restarted, settlement *s)
     set_interrupted(s);
 }
 
-/* Moves a file or directory that is not a result out of the place of the result. The attempt did not create
- * it, because attempts only rename complete results; therefore it is not deleted. */
-static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
-{
-    const char *name = strrchr(results, '/') + 1;
-    if (!lost_found_move(place->work_dir, "results", name, e) ||
-        !lost_found_flush(place->work_dir, "results", e))
-        return error_prefix(
-            e, "the directory of the result of job %s contains other files, which cannot be moved",
-            c->job.id);
-    log_write(LOG_LEVEL_WARNING,
-              "job=%s: the directory of its result contained other files, which were moved to "
-              "%s/results/%s",
-              c->job.id, LOST_FOUND_DIRECTORY, name);
-    return true;
-}
-
 static bool recover_task(const settlement_place *place, const queue_claimed *c, bool restarted, error *e)
 {
     settlement s = {0};
@@ -548,8 +530,8 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     } else {
         decide_interrupted(restarted, &s);
     }
-    bool ok = !found || good || put_aside(place, c, results, e);
-    ok = ok && settlement_apply(place, c, &s, NULL, e);
+    /* what is there and no result is moved to lost+found (service/results/inventory) */
+    bool ok = settlement_apply(place, c, &s, NULL, e);
     free(results);
     return ok;
 }

@@ -676,7 +676,8 @@ bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, e
 
 /* A directory that belongs to a task by its name, and the state of that task in the queue. */
 typedef struct queue_directory {
-    char id[ULID_SIZE];
+    char *name;         /* not used by the queue */
+    char id[ULID_SIZE]; /* "": the name is not that of a task */
     int frame;
     int attempt;        /* 0: a result */
     bool to_be_removed; /* see queue_removal */
@@ -687,6 +688,8 @@ typedef struct queue_directory {
 
 /* Sets the members that the queue has. Costs one index lookup per directory. */
 bool queue_find_directories(queue *q, queue_directory *directories, size_t count, error *e);
+/* Lists the results that succeeded tasks have: ids and frames. The caller frees the list, also on failure. */
+bool queue_list_results(queue *q, queue_directory **results, size_t *count, error *e);
 
 /* Ends a waiting task whose result was found, because the database is older than the result. *accepted is
  * false if the task does not wait. */
@@ -702,9 +705,9 @@ typedef struct queue_adopted_task {
 
 typedef struct queue_adoption {
     char id[ULID_SIZE];
-    const char *name;   /* may be NULL */
-    const char *labels; /* a JSON array of strings */
-    const char *spec;
+    char *name;   /* may be NULL */
+    char *labels; /* a JSON array of strings */
+    char *spec;
     int priority, max_attempts, threads;
     int64_t memory_mb;
     queue_adopted_task *tasks;

@@ -111,3 +111,24 @@ bool queue_find_directories(queue *q, queue_directory *directories, size_t count
     database_end_read(d);
     return ok;
 }
+
+bool queue_list_results(queue *q, queue_directory **results, size_t *count, error *e)
+{
+    static const char sql[] =
+        "SELECT id, frame FROM job JOIN task ON task.job = job.seq WHERE task.state = 'succeeded'";
+    size_t capacity = 0;
+    bool ok = false;
+    *results = NULL;
+    *count = 0;
+    database *d = database_begin_read(q->database);
+    sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
+    while (database_next(d, s, &ok, e)) {
+        if (*count == capacity)
+            *results = mem_resize(*results, (capacity = capacity * 2 + 16) * sizeof **results);
+        queue_directory *x = &(*results)[(*count)++];
+        *x = (queue_directory){.frame = frame_at(s, 1)};
+        snprintf(x->id, sizeof x->id, "%s", (const char *)sqlite3_column_text(s, 0));
+    }
+    database_end_read(d);
+    return ok;
+}

@@ -16,19 +16,14 @@
 /* Jobs that one transaction adds to the queue. */
 #define AT_ONCE 100
 
-typedef struct restored {
-    queue_adoption is;
-    char *name, *labels, *spec;
-} restored;
-
-static void restored_clear(restored *j)
+static void clear(queue_adoption *j)
 {
     free(j->name);
     free(j->labels);
     free(j->spec);
-    for (size_t i = 0; i < j->is.task_count; i++) free(j->is.tasks[i].file);
-    free(j->is.tasks);
-    *j = (restored){0};
+    for (size_t i = 0; i < j->task_count; i++) free(j->tasks[i].file);
+    free(j->tasks);
+    *j = (queue_adoption){0};
 }
 
 static char *copy_labels(json_at asked)
@@ -89,7 +84,8 @@ static void take_file(json *report, char **file)
 
 /* Reads the job from the report of a directory, unless an earlier frame gave it. *finished_ms: when the
  * report was written (wall clock). False if the report has no spec. */
-static bool take_report(const char *directory, json *report, bool shared, restored *j, int64_t *finished_ms)
+static bool take_report(const char *directory, json *report, bool shared, queue_adoption *j,
+                        int64_t *finished_ms)
 {
     struct stat info;
     char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
@@ -103,10 +99,10 @@ static bool take_report(const char *directory, json *report, bool shared, restor
         j->name = name ? mem_strdup(name) : NULL;
         j->labels = copy_labels(asked);
         j->spec = json_print(spec.node);
-        j->is.priority = (int)integer_of(asked, "priority", INT32_MIN, INT32_MAX, 0);
-        j->is.max_attempts = (int)integer_of(limits, "max_attempts", 1, INT32_MAX, 1);
-        j->is.threads = (int)integer_of(root, "threads", 1, INT32_MAX, 1);
-        j->is.memory_mb = integer_of(limits, "memory_mb", 0, INT32_MAX, 0);
+        j->priority = (int)integer_of(asked, "priority", INT32_MIN, INT32_MAX, 0);
+        j->max_attempts = (int)integer_of(limits, "max_attempts", 1, INT32_MAX, 1);
+        j->threads = (int)integer_of(root, "threads", 1, INT32_MAX, 1);
+        j->memory_mb = integer_of(limits, "memory_mb", 0, INT32_MAX, 0);
     }
     free(path);
     return ok;
@@ -114,7 +110,7 @@ static bool take_report(const char *directory, json *report, bool shared, restor
 
 /* Adds the result to the job if it is complete and its directory is not a symbolic link. Otherwise logs a
  * warning. */
-static bool add_task(const char *work_dir, const queue_directory *found, restored *j)
+static bool add_task(const char *work_dir, const queue_directory *found, queue_adoption *j)
 {
     struct stat info;
     result r = {0};
@@ -129,8 +125,8 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
               take_report(directory, report, is_shared(directory, &r), j, &task.finished_ms);
     if (ok) {
         task.outcome = r.outcome;
-        j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);
-        j->is.tasks[j->is.task_count++] = task;
+        j->tasks = mem_resize(j->tasks, (j->task_count + 1) * sizeof *j->tasks);
+        j->tasks[j->task_count++] = task;
     } else {
         free(task.file);
         log_write(LOG_LEVEL_WARNING, "cannot adopt a result: %s: %s", directory,
@@ -142,20 +138,12 @@ static bool add_task(const char *work_dir, const queue_directory *found, restore
     return ok;
 }
 
-static bool put(queue *q, restored *jobs, size_t *count, size_t *adopted, error *e)
+static bool put(queue *q, queue_adoption *jobs, size_t *count, size_t *adopted, error *e)
 {
-    queue_adoption *list = mem_alloc((*count + 1) * sizeof *list);
-    for (size_t i = 0; i < *count; i++) {
-        list[i] = jobs[i].is;
-        list[i].name = jobs[i].name;
-        list[i].labels = jobs[i].labels;
-        list[i].spec = jobs[i].spec;
-    }
-    bool ok = queue_adopt(q, list, *count, e);
+    bool ok = !*count || queue_adopt(q, jobs, *count, e);
     if (ok) *adopted += *count;
-    for (size_t i = 0; i < *count; i++) restored_clear(&jobs[i]);
+    for (size_t i = 0; i < *count; i++) clear(&jobs[i]);
     *count = 0;
-    free(list);
     return ok;
 }
 
@@ -169,26 +157,24 @@ static bool belongs(const queue_directory *first, const queue_directory *d)
 bool adoption_run(queue *q, const char *work_dir, const queue_directory *results, size_t count,
                   size_t *adopted, error *e)
 {
-    restored jobs[AT_ONCE] = {0};
+    queue_adoption jobs[AT_ONCE] = {0};
     size_t used = 0, next = 0;
     bool ok = true;
     *adopted = 0;
     for (size_t i = 0; ok && i < count; i = next) {
-        restored *j = &jobs[used];
-        bool unknown = true;
+        queue_adoption *j = &jobs[used];
+        bool unknown = *results[i].id; /* otherwise the name has another form */
         for (next = i; next < count && strcmp(results[i].id, results[next].id) == 0; next++)
             unknown &= !results[next].known && !results[next].to_be_removed;
         /* if the job is in the queue, its unknown frames are not adopted */
         for (size_t k = i; unknown && k < next; k++)
             if (belongs(&results[i], &results[k])) add_task(work_dir, &results[k], j);
-        if (!j->is.task_count) {
-            restored_clear(j);
+        if (!j->task_count) {
+            clear(j);
             continue;
         }
-        snprintf(j->is.id, sizeof j->is.id, "%s", results[i].id);
+        snprintf(j->id, sizeof j->id, "%s", results[i].id);
         if (++used == AT_ONCE) ok = put(q, jobs, &used, adopted, e);
     }
-    if (ok && used) ok = put(q, jobs, &used, adopted, e);
-    for (size_t i = 0; i < used; i++) restored_clear(&jobs[i]);
-    return ok;
+    return ok && put(q, jobs, &used, adopted, e);
 }

@@ -454,21 +454,11 @@ static bool compare_file(const char *path, const char *hex, error *e)
     return ok;
 }
 
-bool store_inputs_compare(const char *directory, store_inputs_look *look, void *context, error *e)
+bool store_inputs_compare(const char *directory, const char *name, error *e)
 {
-    DIR *listing = opendir(directory);
-    struct dirent *d = NULL;
-    if (!listing && errno == ENOENT) return true;
-    while (listing && (errno = 0, d = readdir(listing))) {
-        if (!sent_file_is_name(d->d_name)) continue;
-        error why = {0};
-        char *path = mem_printf("%s/%s", directory, d->d_name);
-        compare_file(path, d->d_name + strlen(STORE_INPUT_PREFIX), &why);
-        look(context, d->d_name, &why);
-        free(path);
-    }
-    bool ok = !errno || error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", directory, strerror(errno));
-    if (listing) closedir(listing);
+    char *path = mem_printf("%s/%s", directory, name);
+    bool ok = compare_file(path, name + strlen(STORE_INPUT_PREFIX), e);
+    free(path);
     return ok;
 }
 

@@ -57,10 +57,9 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool 
  * any more; the names that users gave it stay for messages. Reads the whole file, until the deadline. */
 void store_inputs_discard_damaged(store_inputs *s, const char *name, const store_deadline *end);
 
-/* Compares each stored file of the directory with its hash, and calls `look` for it. why->code: none;
- * input_damaged: its bytes have another hash; otherwise it cannot be read. The directory may be missing. */
-typedef void store_inputs_look(void *context, const char *name, const error *why);
-bool store_inputs_compare(const char *directory, store_inputs_look *look, void *context, error *e);
+/* Whether the file "sha256:HEX" of a directory has the bytes of its name. Errors: input_damaged: it has others; otherwise
+ * it cannot be read. */
+bool store_inputs_compare(const char *directory, const char *name, error *e);
 
 /* The time at which the user sent the file that it holds, on the wall clock; -1: the user does not hold the file,
  * or the file does not exist. */
