@@ -186,7 +186,7 @@ static void start(service *s)
     expect(listen_open(where, false, &s->socket, &e));
     expect((s->access = access_open(&(access_settings){.token_file = file}, &e)));
     expect((s->q = queue_open(s->base, &e)));
-    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, s->counts, &e)));
+    expect((s->inputs = store_inputs_open(uploads, 1000, 10000, s->q, s->counts, &e)));
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     s->outputs = output_place_new(s->q, &s->output_roots, false);
     take_the_slot(s);

@@ -247,7 +247,7 @@ static bool init_inputs(service *s, error *e)
 {
     s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
     s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes,
-                                  s->settings.upload_total_bytes, s->counts, e);
+                                  s->settings.upload_total_bytes, s->q, s->counts, e);
     return s->inputs != NULL;
 }
 

@@ -111,7 +111,7 @@ def query_of(name):
 
 def kept_by(service):
     """The names of the files that were sent."""
-    return [f.name for f in (service.state / "inputs").iterdir() if not f.name.startswith(("sender:", "name:"))]
+    return [f.name for f in (service.state / "inputs").iterdir()]
 
 
 def mesh(path):
@@ -398,8 +398,8 @@ def test_the_name_of_an_upload_is_shown_to_its_sender_only(shared_by, tmp_path):
     service.end(9)
     service.start()
     assert service.ask("alice", "GET", where).json["name"] == "third.obj"
-    # neither results, logs nor the database contain a name
-    for path in (p for p in service.state.rglob("*") if p.is_file() and not p.name.startswith("name:")):
+    # neither results nor logs contain a name, only the database
+    for path in (p for p in service.state.rglob("*") if p.is_file() and not p.name.startswith("queue.db") and p.name != "reserve"):
         content = path.read_bytes()
         assert not any(text.encode() in content for text in (secret, other, "third.obj")), path
     # it goes with the file

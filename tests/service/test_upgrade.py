@@ -77,6 +77,24 @@ def test_nothing_is_lost_and_all_goes_on(upgraded):
     service.wait_state(service.submit(sphere()), "succeeded")
 
 
+def test_uploads_of_earlier_builds_are_held_by_their_user(upgraded):
+    """Files beside the uploads recorded who holds them, until version 22."""
+    service, earlier = upgraded
+    stored = {path.name for path in (service.state / "inputs").iterdir()}
+    files = service.get("/v1/inputs").json["inputs"]
+    assert len(files) == 2 and {file["path"] for file in files} == stored
+    usage, = (user for user in service.get("/v1/usage").json["users"] if user["upload_bytes"])
+    assert usage["upload_bytes"] == sum(file["bytes"] for file in files)
+    for name in WAITING:
+        service.wait_state(earlier[name]["id"], "succeeded")
+    for file in files:
+        assert service.request("DELETE", f"/v1/inputs/{file['sha256']}").status == 204
+    assert not list((service.state / "inputs").iterdir()) and service.get("/v1/inputs").json["inputs"] == []
+    service.end()
+    service.start()
+    assert service.get("/v1/inputs").json["inputs"] == []
+
+
 def test_a_waiting_job_has_the_defaults_of_its_build(upgraded, request):
     """A stored spec has every default of the build that stored it, also defaults that have changed since."""
     service, earlier = upgraded

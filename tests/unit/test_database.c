@@ -302,8 +302,12 @@ static void test_a_killed_process_loses_nothing(void **state)
     }
 }
 
+/* Removes the additions of version 22. */
+#define BEFORE_22 "DROP TABLE upload;"
+
 /* Removes the additions of version 21. */
 #define BEFORE_21                                                                                                           \
+    BEFORE_22                                                                                                               \
     "DROP TABLE ended; DROP INDEX job_pieces; DROP INDEX job_hidden; DROP INDEX task_uncopied; DROP INDEX removal_of_task;" \
     "DROP INDEX job_ready; ALTER TABLE job DROP COLUMN target; ALTER TABLE job DROP COLUMN target_from;"                    \
     "ALTER TABLE job DROP COLUMN target_message; ALTER TABLE job DROP COLUMN examine_from;"                                 \

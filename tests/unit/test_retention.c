@@ -159,14 +159,14 @@ static bool is_known(place *p, const char *id)
 /* Ann holds an uploaded file from now on. */
 static void hold_input(place *p, const char *name)
 {
-    char sender[STORE_HASH_SIZE];
-    store_hash("ann", 3, sender);
-    char *path = mem_printf("%s/inputs/sender:%s:%s", p->base, name + strlen(STORE_INPUT_PREFIX), sender);
-    assert_true(store_file_write(path, "", 0, NULL));
-    free(path);
+    queue_upload row = {.bytes = 3, .sent_ms = clock_wall_ms()};
+    size_t added;
+    strcpy(row.hash, name + strlen(STORE_INPUT_PREFIX));
+    store_hash("ann", 3, row.user);
+    assert_true(queue_hold_uploads(p->q, &row, 1, &added, NULL) && added == 1);
 }
 
-/* An uploaded file that was last used this long ago, without a user that holds it. */
+/* An uploaded file that was last used this long ago, of which the queue knows nothing. */
 static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
 {
     memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
@@ -224,7 +224,7 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
     char id[ULID_SIZE], mark[ULID_SIZE], name[STORE_INPUT_NAME_SIZE];
     char *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
-    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->q, p->counts, NULL);
     char *sent = put_input(p, 'a', 1000, name);
     hold_input(p, name);
     put(p, false, 36000, id);
@@ -240,8 +240,10 @@ static void test_a_clock_that_is_set_forward_deletes_nothing(void **state)
         assert_true(is_known(p, id));
         assert_int_equal(access(sent, F_OK), 0);
         end(p);
+        store_inputs_close(p->inputs);
         queue_close(p->q);
         assert_non_null(p->q = queue_open(p->base, NULL));
+        assert_non_null(p->inputs = store_inputs_open(directory, 100, 9, p->q, p->counts, NULL));
     }
     begin(p);
     pass(2 * HOUR);
@@ -361,13 +363,15 @@ static void test_unused_uploads_are_removed(void **state)
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
     char *directory = mem_printf("%s/inputs", p->base);
+    bool found;
     assert_true(store_directory_create(directory, NULL));
     char *unused = put_input(p, 'a', 1000, name);
     hold_input(p, name);
     char *fresh = put_input(p, 'b', -100000, name);
     hold_input(p, name);
-    char *unheld = put_input(p, 'e', -100000, name), *wanted = put_input(p, 'c', 1000, name);
-    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
+    char *without_a_row = put_input(p, 'e', -100000, name), *wanted = put_input(p, 'c', -100000, name);
+    hold_input(p, name);
+    p->inputs = store_inputs_open(directory, 100, 12, p->q, p->counts, NULL);
     assert_non_null(p->inputs);
     const char *inputs[] = {name};
     queue_submission s = {
@@ -375,16 +379,18 @@ static void test_unused_uploads_are_removed(void **state)
     queue_receipt receipt;
     assert_true(queue_put(p->q, &s, &receipt, NULL));
     memcpy(id, receipt.id, sizeof id);
+    assert_true(store_inputs_release(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", &found, NULL));
     begin(p);
     pass(2 * HOUR);
     retention_wake(p->r);
     wait_gone(unused); /* in the same collection as the others */
-    wait_gone(unheld);
     assert_int_equal(access(fresh, F_OK), 0);
+    assert_int_equal(access(without_a_row, F_OK), 0);
     assert_int_equal(access(wanted, F_OK), 0);
     run(p, id, QUEUE_NO_FRAME);
     wait_gone(wanted);
     assert_int_equal(access(fresh, F_OK), 0);
+    assert_int_equal(access(without_a_row, F_OK), 0);
     /* and its space was released */
     store_upload *upload = NULL;
     assert_int_equal(store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), "ann", 6, &upload),
@@ -400,46 +406,62 @@ static void test_unused_uploads_are_removed(void **state)
     assert_true(info.st_mtim.tv_sec > clock_wall_ms() / 1000 - 50000);
     free(unused);
     free(fresh);
-    free(unheld);
+    free(without_a_row);
     free(wanted);
     free(directory);
 }
 
-/* Without a retention time uploaded files are kept that users hold. The thread examines them once before it ends. */
-static void test_uploads_are_kept_without_a_retention_time(void **state)
+/* A file of which the queue knows nothing is kept like one that a user holds. */
+static void test_unused_uploads_without_a_row_are_removed(void **state)
 {
     place *p = *state;
     char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
     assert_true(store_directory_create(directory, NULL));
     char *unused = put_input(p, 'a', 1000, name);
+    p->inputs = store_inputs_open(directory, 100, 9, p->q, p->counts, NULL);
+    assert_non_null(p->inputs);
+    begin(p);
+    pass(2 * HOUR);
+    retention_wake(p->r);
+    wait_gone(unused);
+    free(unused);
+    free(directory);
+}
+
+/* Without a retention time uploaded files are kept, unless all users have released them. The thread examines them once before
+ * it ends. */
+static void test_uploads_are_kept_without_a_retention_time(void **state)
+{
+    place *p = *state;
+    char name[STORE_INPUT_NAME_SIZE], *directory = mem_printf("%s/inputs", p->base);
+    queue_upload row = {.sent_ms = QUEUE_NOT_HELD};
+    size_t added;
+    assert_true(store_directory_create(directory, NULL));
+    char *unused = put_input(p, 'a', 1000, name);
     hold_input(p, name);
-    char *unheld = put_input(p, 'b', 0, name);
-    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
+    char *without_a_row = put_input(p, 'c', 1000, name), *released = put_input(p, 'b', 0, name);
+    strcpy(row.hash, name + strlen(STORE_INPUT_PREFIX));
+    assert_true(queue_hold_uploads(p->q, &row, 1, &added, NULL) && added == 0);
+    p->inputs = store_inputs_open(directory, 100, 9, p->q, p->counts, NULL);
     assert_non_null(p->inputs);
     begin_keeping(p, 0);
     end(p);
     assert_int_equal(access(unused, F_OK), 0);
-    assert_int_equal(access(unheld, F_OK), -1);
-    free(unheld);
+    assert_int_equal(access(without_a_row, F_OK), 0);
+    assert_int_equal(access(released, F_OK), -1);
+    free(released);
+    free(without_a_row);
     free(unused);
     free(directory);
 }
 
 #define SENT "xyz"
 
-static bool is_old(void *context, const char *name, int64_t used_ms, bool held)
-{
-    (void)context;
-    (void)name;
-    (void)held;
-    return used_ms < clock_wall_ms() - 500000;
-}
-
 static void *collect(void *argument)
 {
     place *p = argument;
     size_t gone;
-    return store_inputs_collect(p->inputs, is_old, NULL, &gone, NULL) ? p : NULL;
+    return store_inputs_collect(p->inputs, 0, &gone, NULL) ? p : NULL;
 }
 
 static void send_it(place *p, const char *hex)
@@ -448,7 +470,7 @@ static void send_it(place *p, const char *hex)
     assert_int_equal(store_upload_begin(p->inputs, hex, "ann", -1, &upload), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_open(upload, NULL), STORE_UPLOAD_GOOD);
     assert_int_equal(store_upload_write(upload, SENT, strlen(SENT), NULL), STORE_UPLOAD_GOOD);
-    assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_commit(upload, NULL, NULL), STORE_UPLOAD_GOOD);
     store_upload_end(upload);
 }
 
@@ -459,13 +481,16 @@ static void test_an_upload_during_a_collection_is_counted_once(void **state)
     char hex[STORE_HASH_SIZE];
     store_hash(SENT, strlen(SENT), hex);
     char *directory = mem_printf("%s/inputs", p->base), *path = mem_printf("%s/sha256:%s", directory, hex);
-    p->inputs = store_inputs_open(directory, 100, 9, p->counts, NULL);
+    p->inputs = store_inputs_open(directory, 100, 9, p->q, p->counts, NULL);
     assert_non_null(p->inputs);
     send_it(p, hex);
-    for (int i = 0; i < 50; i++) {
-        struct timespec times[2] = {{.tv_sec = clock_wall_ms() / 1000 - 1000}};
-        times[1] = times[0];
-        assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
+    queue_upload row = {0}, *ended;
+    size_t count;
+    strcpy(row.hash, hex);
+    store_hash("ann", 3, row.user);
+    for (int i = 0; i < 50; i++) { /* each time the file may go until it is sent again */
+        assert_true(queue_forget_uploads(p->q, QUEUE_FORGET_USER, &row, 1, &ended, &count, NULL));
+        free(ended);
         pthread_t other;
         void *collected = NULL;
         assert_int_equal(pthread_create(&other, NULL, collect, p), 0);
@@ -492,6 +517,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_directories_that_cannot_be_removed_stay_noted, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(test_unused_uploads_are_removed, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_unused_uploads_without_a_row_are_removed, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_uploads_are_kept_without_a_retention_time, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_an_upload_during_a_collection_is_counted_once, set_up,
                                         tear_down),

@@ -11,7 +11,9 @@ members of each job before the kill, by GET /v1/jobs.
 """
 import hashlib
 import json
+import os
 import pathlib
+import pwd
 import shutil
 import sqlite3
 import subprocess
@@ -85,9 +87,12 @@ def fill(service, inputs):
 
 def put_back(earlier, state):
     """Copies a directory that main() has made into an empty state directory, but for the database. Times are new, because unused inputs
-    are deleted after some days."""
+    are deleted after some days. Uploads are those of the user that runs this."""
     for part in ("attempts", "inputs", "results"):
         shutil.copytree(earlier / part, state / part, copy_function=shutil.copyfile)
+    user = hashlib.sha256(pwd.getpwuid(os.getuid()).pw_name.encode()).hexdigest()
+    for record in (state / "inputs").glob("sender:*"):
+        record.rename(f"{str(record).rpartition(':')[0]}:{user}")
     if (earlier / "instance").exists():
         shutil.copyfile(earlier / "instance", state / "instance")
 

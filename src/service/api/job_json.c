@@ -173,7 +173,8 @@ char *job_json_name_files(const char *text, const store_inputs *inputs, const ch
     for (const char *at = text; at && (at = strstr(at, STORE_INPUT_PREFIX));) {
         const char *end = at + PREFIX;
         snprintf(hex, sizeof hex, "%s", end);
-        char *name = sent_file_is_hash(hex) ? store_inputs_get_file_name(inputs, hex, user) : NULL;
+        char *name = NULL;
+        if (sent_file_is_hash(hex)) store_inputs_find_sent(inputs, hex, user, &name);
         if (!name) {
             at = end;
             continue;
@@ -217,7 +218,7 @@ void job_json_find_names(job_json_live *live, const queue_job *job, job_json_vie
         slash = path ? strrchr(path, '/') : NULL;
     }
     if (live->input_is_label)
-        live->input = store_inputs_get_file_name(inputs, sent + strlen(STORE_INPUT_PREFIX), user);
+        store_inputs_find_sent(inputs, sent + strlen(STORE_INPUT_PREFIX), user, &live->input);
     else
         live->input = path ? mem_strdup(slash ? slash + 1 : path) : NULL;
     json_free(document);

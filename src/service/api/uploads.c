@@ -92,10 +92,10 @@ static const char *read_hash(const http_request *request, reply *r)
 }
 
 static void put_input(const http_context *c, const access_caller *caller, const char *hex, int64_t bytes,
-                      int64_t sent_ms, json *o)
+                      json *o)
 {
-    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex),
-         *name = store_inputs_get_file_name(c->inputs, hex, caller->user);
+    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex), *name;
+    const int64_t sent_ms = store_inputs_find_sent(c->inputs, hex, caller->user, &name);
     json_put_string(o, "sha256", hex);
     json_put_integer(o, "bytes", bytes);
     json_put_string(o, "path", path);
@@ -109,7 +109,7 @@ static void show(const http_context *c, const access_caller *caller, const char 
                  int status, reply *r)
 {
     json *document = json_new_object();
-    put_input(c, caller, hex, bytes, store_inputs_find_sent(c->inputs, hex, caller->user), document);
+    put_input(c, caller, hex, bytes, document);
     reply_set_json(r, status, document);
 }
 
@@ -142,7 +142,7 @@ static void drop(http_sink *sink)
 bool uploads_may_use(const http_context *c, const access_caller *caller, const char *hex)
 {
     return c->share_inputs || caller->scopes & SCOPE_ADMIN ||
-           store_inputs_find_sent(c->inputs, hex, caller->user) >= 0;
+           store_inputs_holds(c->inputs, hex, caller->user, NULL);
 }
 
 bool uploads_check(const http_context *c, const access_caller *caller, const char *path, error *e)
@@ -162,17 +162,6 @@ bool uploads_check(const http_context *c, const access_caller *caller, const cha
     return fd >= 0;
 }
 
-/* Whether the request for a stored file changes anything: the caller does not hold the file, or gives it a name that
- * it does not have yet. */
-static bool changes_records(const http_context *c, const http_request *request, const char *hex)
-{
-    const char *name = parameter_text(request, "name", NULL);
-    char *old = name ? store_inputs_get_file_name(c->inputs, hex, request->caller->user) : NULL;
-    bool changes = name && (!old || strcmp(old, name) != 0);
-    free(old);
-    return changes || store_inputs_find_sent(c->inputs, hex, request->caller->user) < 0;
-}
-
 http_sink *uploads_begin(const http_context *c, const http_request *request, reply *r)
 {
     store_upload *file = NULL;
@@ -185,7 +174,8 @@ http_sink *uploads_begin(const http_context *c, const http_request *request, rep
     }
     int64_t there = uploads_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
     /* the client has not sent the body yet: answer without it; records are stored by a thread of the pool */
-    if (there >= 0 && request->waits && !changes_records(c, request, hex)) {
+    if (there >= 0 && request->waits &&
+        store_inputs_holds(c->inputs, hex, request->caller->user, parameter_text(request, "name", NULL))) {
         show(c, request->caller, hex, there, 200, r);
         return NULL;
     }
@@ -213,17 +203,14 @@ void uploads_put(const http_context *c, const http_request *request, reply *r)
     bool sent = u->file != NULL;
     if (u->outcome == STORE_UPLOAD_GOOD)
         u->outcome = !queue_has_place(c->q, &u->why) ? STORE_UPLOAD_FAILED
-                     : sent                          ? store_upload_commit(u->file, &u->why)
-                            : store_inputs_hold(c->inputs, hex, request->caller->user, &u->why);
-    if (name && u->outcome == STORE_UPLOAD_GOOD &&
-        !store_inputs_set_file_name(c->inputs, hex, request->caller->user, name, &u->why))
-        u->outcome = STORE_UPLOAD_FAILED;
+                     : sent                          ? store_upload_commit(u->file, name, &u->why)
+                            : store_inputs_hold(c->inputs, hex, request->caller->user, name, &u->why);
     end(u); /* before the answer, after which the client may begin the next upload */
     if (u->outcome != STORE_UPLOAD_GOOD) {
         refuse(c, request, u->outcome, &u->why, r);
         return;
     }
-    show(c, request->caller, hex, store_inputs_find(c->inputs, hex), u->known ? 200 : 201, r);
+    show(c, request->caller, hex, store_inputs_find(c->inputs, hex, NULL), u->known ? 200 : 201, r);
     if (u->known) return;
     log_write(LOG_LEVEL_INFO, "input stored sha256=%s user=%s", hex, request->caller->user);
     char *location = mem_printf("/v1/inputs/%s", hex);
@@ -235,7 +222,7 @@ void uploads_show(const http_context *c, const http_request *request, reply *r)
 {
     const char *hex = read_hash(request, r);
     if (!hex) return;
-    int64_t bytes = uploads_may_use(c, request->caller, hex) ? store_inputs_find(c->inputs, hex) : -1;
+    int64_t bytes = uploads_may_use(c, request->caller, hex) ? store_inputs_find(c->inputs, hex, NULL) : -1;
     if (bytes >= 0)
         show(c, request->caller, hex, bytes, 200, r);
     else
@@ -246,35 +233,28 @@ void uploads_show(const http_context *c, const http_request *request, reply *r)
 }
 
 /* A cursor is the time, in milliseconds, and the hash of the last file of the previous page. */
-static bool read_cursor(const char *text, int64_t *sent_ms, const char **hex)
+static bool read_cursor(const char *text, queue_upload *last)
 {
     char *end = NULL;
-    *sent_ms = strtoll(text, &end, 10);
-    *hex = end + 1;
-    return end > text && *end == '-' && sent_file_is_hash(*hex);
+    last->sent_ms = strtoll(text, &end, 10);
+    if (end == text || *end != '-' || !sent_file_is_hash(end + 1)) return false;
+    strcpy(last->hash, end + 1);
+    return true;
 }
 
-/* The index of the first file behind the cursor. The list is sorted as store_inputs_list does. */
-static size_t find_start(const store_input *list, size_t count, int64_t sent_ms, const char *hex)
-{
-    size_t i = 0;
-    while (i < count &&
-           (list[i].sent_ms > sent_ms || (list[i].sent_ms == sent_ms && strcmp(list[i].hex, hex) <= 0)))
-        i++;
-    return i;
-}
-
-/* Appends a file that the caller holds, with the caller's jobs that read it. */
-static bool append_upload(const http_context *c, const access_caller *caller, const store_input *file,
-                          json *list, error *e)
+/* Appends a file that the caller holds, with the caller's jobs that read it, unless the file is missing. */
+static bool append_upload(const http_context *c, const access_caller *caller, const char *hex, json *list,
+                          error *e)
 {
     queue_input_jobs jobs;
+    int64_t used_ms, bytes = store_inputs_find(c->inputs, hex, &used_ms);
     char name[STORE_INPUT_NAME_SIZE];
-    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", file->hex);
+    if (bytes < 0) return true;
+    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", hex);
     if (!queue_list_input_jobs(c->q, name, caller->user, &jobs, e)) return false;
     json *o = json_append_object(list);
-    put_input(c, caller, file->hex, file->bytes, file->sent_ms, o);
-    job_json_put_time(o, "used", file->used_ms);
+    put_input(c, caller, hex, bytes, o);
+    job_json_put_time(o, "used", used_ms);
     json *ids = json_put_array(o, "jobs");
     for (size_t i = 0; i < jobs.id_count; i++) json_append_string(ids, jobs.id[i]);
     json_put_integer(o, "job_count", jobs.all);
@@ -285,21 +265,20 @@ static bool append_upload(const http_context *c, const access_caller *caller, co
 void uploads_list(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
-    store_input *list = NULL;
-    size_t count = 0, start = 0, limit = (size_t)parameter_integer(request, "limit", 50);
-    int64_t sent_ms = 0;
-    const char *cursor = parameter_text(request, "cursor", NULL), *hex = NULL;
-    if (cursor && !read_cursor(cursor, &sent_ms, &hex)) {
+    queue_upload *list = NULL, last = {.sent_ms = INT64_MAX};
+    size_t count = 0, limit = (size_t)parameter_integer(request, "limit", 50);
+    const char *cursor = parameter_text(request, "cursor", NULL);
+    if (cursor && !read_cursor(cursor, &last)) {
         reply_set_problem(r, "request_invalid", NULL, "cursor must be `next` of a page of this list");
         return;
     }
-    bool ok = store_inputs_list(c->inputs, request->caller->user, &list, &count, &e);
+    bool ok = store_inputs_list(c->inputs, request->caller->user, &last, (int)limit + 1, &list, &count, &e);
     json *document = json_new_object(), *files = json_put_array(document, "inputs");
-    if (ok && cursor) start = find_start(list, count, sent_ms, hex);
-    const size_t end = count - start > limit ? start + limit : count;
-    for (size_t i = start; ok && i < end; i++) ok = append_upload(c, request->caller, &list[i], files, &e);
-    char *next =
-        ok && end < count ? mem_printf("%lld-%s", (long long)list[end - 1].sent_ms, list[end - 1].hex) : NULL;
+    for (size_t i = 0; ok && i < count && i < limit; i++)
+        ok = append_upload(c, request->caller, list[i].hash, files, &e);
+    char *next = ok && count > limit
+                     ? mem_printf("%lld-%s", (long long)list[limit - 1].sent_ms, list[limit - 1].hash)
+                     : NULL;
     json_put_string(document, "next", next);
     if (ok) {
         reply_set_json(r, 200, document);
@@ -309,20 +288,6 @@ void uploads_list(const http_context *c, const http_request *request, reply *r)
     }
     free(next);
     free(list);
-}
-
-/* Ends the caller's hold of a file, and removes the file if no other user holds it and no unfinished job reads it.
- * If a job reads it, the file is removed after the end of the job (service/results/retention). */
-static bool release(const http_context *c, const access_caller *caller, const char *hex, bool *found,
-                    error *e)
-{
-    bool wanted = true, removed = false;
-    char name[STORE_INPUT_NAME_SIZE];
-    snprintf(name, sizeof name, STORE_INPUT_PREFIX "%s", hex);
-    if (!store_inputs_release(c->inputs, hex, caller->user, found, e)) return false;
-    if (!*found) return true;
-    return queue_wants_input(c->q, name, &wanted, e) &&
-           (wanted || store_inputs_remove(c->inputs, hex, false, &removed, e));
 }
 
 void uploads_delete(const http_context *c, const http_request *request, reply *r)
@@ -337,8 +302,9 @@ void uploads_delete(const http_context *c, const http_request *request, reply *r
                           "only administrators may delete a file that other users hold: omit all=1");
         return;
     }
-    if (!queue_has_place(c->q, &e) || !(all ? store_inputs_remove(c->inputs, hex, true, &found, &e)
-                                            : release(c, request->caller, hex, &found, &e)))
+    if (!queue_has_place(c->q, &e) ||
+        !(all ? store_inputs_remove(c->inputs, hex, &found, &e)
+              : store_inputs_release(c->inputs, hex, request->caller->user, &found, &e)))
         reply_set_error(r, &e, NULL);
     else if (!found)
         reply_set_problem(r, "not_found", NULL, "the input %s %s%s", hex,

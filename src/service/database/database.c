@@ -309,7 +309,7 @@ static void refuse_all(const change_list *all, const error *why)
     }
 }
 
-/* Applies all changes of the list in one transaction. Returns whether anything was stored. */
+/* Applies all changes of the list in one transaction. Returns whether tasks have to be woken. */
 static bool apply_all(database *d, const change_list *all)
 {
     error e = {0};
@@ -317,20 +317,21 @@ static bool apply_all(database *d, const change_list *all)
         refuse_all(all, &e);
         return false;
     }
-    bool any = false;
+    bool any = false, wakes = false;
     int before = sqlite3_total_changes(d->connection);
     bool ok = plain(d, "BEGIN IMMEDIATE", &e);
     for (change *c = STAILQ_FIRST(all); ok && c; c = STAILQ_NEXT(c, link)) {
         ok = apply_one(d, c);
         if (!ok) e = c->fault;
         any |= c->ok;
+        wakes |= c->ok && !c->wakes_none;
     }
     if (ok) ok = plain(d, "COMMIT", &e);
     if (ok) {
         if (d->call) d->call(d->call_context);
         bool different = sqlite3_total_changes(d->connection) != before;
         if (any && different) note_stored(d);
-        return different;
+        return different && wakes;
     }
     note_trouble(d, e.message);
     if (!sqlite3_get_autocommit(d->connection)) plain(d, "ROLLBACK", NULL);
@@ -385,9 +386,9 @@ static void lead(database *d)
     take_changes(d, &all);
     pthread_mutex_unlock(&d->gate);
     pthread_mutex_lock(&d->mutex);
-    bool different = apply_all(d, &all);
+    bool wakes = apply_all(d, &all);
     pthread_mutex_unlock(&d->mutex);
-    if (different) database_signal(d);
+    if (wakes) database_signal(d);
     pthread_mutex_lock(&d->gate);
     for (change *c = STAILQ_FIRST(&all), *next; c; c = next) {
         next = STAILQ_NEXT(c, link);

@@ -59,6 +59,7 @@ struct change {
      * struct that has the outputs. */
     bool (*apply)(database *d, change *c);
     const char *user; /* takes a turn of this user, for DATABASE_PIECE_ROWS; NULL: DATABASE_FEW_ROWS */
+    bool wakes_none;  /* the tasks of database_wake_on_change have nothing to do after it */
     uint64_t turn,
         arrival; /* used by the database. A change that is made again keeps its place in its user's line */
     error fault;

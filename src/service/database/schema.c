@@ -21,6 +21,20 @@
     ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);" INPUTS_OF_ALL
 
+/* What users have to do with uploaded files; both are named by SHA-256 hashes. sent_ms: since when the user holds the file;
+ * NULL: it does not. Each file has a row of the user '' as well: a file without it is of a database that was lost. */
+#define UPLOADS                                                        \
+    "CREATE TABLE upload ("                                            \
+    "  hash TEXT NOT NULL,"                                            \
+    "  user TEXT NOT NULL,"                                            \
+    "  bytes INTEGER NOT NULL,"                                        \
+    "  sent_ms INTEGER,"                                               \
+    "  name TEXT,"                                                     \
+    "  PRIMARY KEY (hash, user)"                                       \
+    ") STRICT, WITHOUT ROWID;"                                         \
+    "CREATE INDEX upload_by_user ON upload (user, sent_ms DESC, hash)" \
+    "  WHERE sent_ms IS NOT NULL;"
+
 /* Values that the executor needs of a spec. They are read from the spec once, at the submission. Limits of 0:
  * the service's own. */
 #define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
@@ -361,7 +375,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS COPIES OUTPUTS INSTANCE RUNNING "CREATE TABLE event ("
+    INPUTS UPLOADS COPIES OUTPUTS INSTANCE RUNNING "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
@@ -451,6 +465,9 @@ static const char add_uncopied[] = UNCOPIED REMOVAL_OF_TASK;
 static const char keep_properties[] =
     "UPDATE spec SET spec = json_set(spec, '$.output.ply.properties', json('[\"all\"]'))"
     "  WHERE json_valid(spec) AND json_extract(spec, '$.output.ply.properties') IS NULL;";
+/* Migration from version 21, in which files beside the uploads recorded which users hold them
+ * (service/uploads/upload_store). */
+static const char add_uploads[] = UPLOADS;
 /* Migration from version 11, see add_reports, and from versions whose builds copied the hash of a report with its
  * summary to other reports. */
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
@@ -483,6 +500,7 @@ static const struct step {
     {11, 11, find_copies},
     {11, 20, add_uncopied},
     {11, 20, keep_properties},
+    {11, 21, add_uploads},
 };
 
 bool schema_error_is_damage(int code)

@@ -14,7 +14,7 @@
 
 #include "base/core/error.h"
 
-#define SCHEMA_VERSION 21
+#define SCHEMA_VERSION 22
 /* The oldest version that is migrated: commit d10413d0. */
 #define SCHEMA_OLDEST 11
 

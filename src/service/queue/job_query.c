@@ -354,21 +354,6 @@ bool queue_count_ahead(queue *q, const queue_job *job, int *count, error *e)
     return ok;
 }
 
-bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
-{
-    bool ok = false, read = false;
-    database *d = database_begin_read(q->database);
-    sqlite3_stmt *s =
-        ASK(d, e,
-            "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
-            " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
-            text(name));
-    while (database_next(d, s, &ok, e)) read = sqlite3_column_int(s, 0);
-    database_end_read(d);
-    if (ok) *wanted = read;
-    return ok;
-}
-
 bool queue_list_input_jobs(queue *q, const char *name, const char *owner, queue_input_jobs *jobs, error *e)
 {
     bool ok = false;

@@ -300,9 +300,6 @@ const char *queue_sort_key(const queue_job *job, queue_order order, char text[QU
 /* Negative if `a` precedes `b` in the list of the filter. */
 int queue_compare(const queue_job *a, const queue_job *b, const queue_filter *filter);
 
-/* Whether an unfinished job reads the uploaded file with this name. */
-bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
-
 /* The jobs of a user that read an uploaded file: the ids of at most QUEUE_INPUT_IDS_MOST, the newest first, and the
  * numbers of all and of the unfinished ones. */
 #define QUEUE_INPUT_IDS_MOST 100
@@ -716,6 +713,43 @@ typedef struct queue_adoption {
 
 /* Adds the jobs to the queue, all or none. Their owner is "" and they are kept until they are deleted. */
 bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e);
+
+/* ---- uploaded files (service/uploads/upload_store) */
+
+#define QUEUE_HASH_SIZE 65 /* of a SHA-256 as text */
+#define QUEUE_NOT_HELD INT64_C(-1)
+
+/* What a user has to do with an uploaded file. The queue also has a row of the file itself, whose user is "". */
+typedef struct queue_upload {
+    char hash[QUEUE_HASH_SIZE], user[QUEUE_HASH_SIZE]; /* SHA-256 of the file, and of the user's name */
+    int64_t bytes;                                     /* length of the file */
+    int64_t sent_ms; /* since when the user holds the file, wall clock; or QUEUE_NOT_HELD */
+    char *name;      /* that the user gave it; NULL: none, and in lists */
+} queue_upload;
+
+/* Since when the user holds the file, or QUEUE_NOT_HELD, and the name that it gave the file, to be freed. */
+bool queue_find_upload(queue *q, const char *hash, const char *user, int64_t *sent_ms, char **name, error *e);
+/* Whether no unfinished job reads the file and it has expired (is_over) or all users have released it. A file without
+ * rows, of a database that was lost, is not released. */
+bool queue_may_remove_upload(queue *q, const char *hash, bool is_over, bool *may, error *e);
+/* Lists what a user holds after the row `after`: sent last first, then by hash; or (`user` NULL) all rows by hash and user.
+ * The caller frees the list, also on failure. */
+bool queue_list_uploads(queue *q, const char *user, const queue_upload *after, int limit,
+                        queue_upload **uploads, size_t *count, error *e);
+
+/* Stores at most DATABASE_PIECE_ROWS rows. The time of a hold stays; the name is replaced unless it is NULL. *added: the
+ * number of new holds. */
+bool queue_hold_uploads(queue *q, const queue_upload *uploads, size_t count, size_t *added, error *e);
+
+typedef enum queue_forgetting {
+    QUEUE_FORGET_FILE,  /* all rows of each hash */
+    QUEUE_FORGET_HOLDS, /* no user holds the file any more; the names stay */
+    QUEUE_FORGET_USER   /* the row of hash and user */
+} queue_forgetting;
+
+/* Forgets uploads, in pieces. *ended, which the caller frees, has the rows of the holds that it ended, also on failure. */
+bool queue_forget_uploads(queue *q, queue_forgetting what, const queue_upload *uploads, size_t count,
+                          queue_upload **ended, size_t *ended_count, error *e);
 
 /* ---- disk space of results */
 

@@ -300,16 +300,6 @@ static bool find_next_expiry(retention *r, int64_t looked_ms, int64_t *at_ms)
     return true;
 }
 
-/* Whether no user holds the file, or it has been unused for keep_ms, and no unfinished job reads it. False on a
- * database error. */
-static bool may_go(void *context, const char *name, int64_t used_ms, bool held)
-{
-    retention *r = context;
-    bool wanted = true;
-    bool over = r->keep_ms > 0 && running_time_is_over(queue_running(r->q), used_ms, r->keep_ms);
-    return (over || !held) && queue_wants_input(r->q, name, &wanted, NULL) && !wanted;
-}
-
 /* Removes uploaded files that are unused or held by no user, if the next collection is due. */
 static void collect_inputs(retention *r)
 {
@@ -317,7 +307,7 @@ static void collect_inputs(retention *r)
     size_t gone = 0;
     int64_t now = clock_monotonic_ms();
     if (!r->inputs || now < r->collect_ms) return;
-    if (!store_inputs_collect(r->inputs, may_go, r, &gone, &e))
+    if (!store_inputs_collect(r->inputs, r->keep_ms, &gone, &e))
         log_write(LOG_LEVEL_WARNING, "cannot delete expired inputs: %s", e.message);
     if (gone) log_write(LOG_LEVEL_INFO, "expired inputs deleted count=%zu", gone);
     r->collect_ms = now + (r->keep_ms > 0 ? least(r->keep_ms / COLLECTIONS_IN_KEEP + 1, COLLECT_MOST_MS)

@@ -2,12 +2,12 @@
 /* upload_store: files that clients uploaded, each named by the SHA-256 of its content.
  *
  * The directory holds files named `sha256:HEX` (files/sent_file). A stored file was verified and never
- * changes. A file that is uploaded again is stored once; if the stored one is damaged, it is replaced. Its modification time is the time of its last use.
- * For each user that holds a file, since it sent the file and has not deleted it, there is an empty file
- * `sender:HEX:USER`; USER is the SHA-256 of the user's name. `name:HEX:USER` contains the name that the user gave
- * the file; only this user may learn it. Both are removed together with the file. Opening the directory removes
- * unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload belongs to
- * one thread at a time.
+ * changes. A file that is uploaded again is stored once; if the stored one is damaged, it is replaced. Its
+ * modification time is the time of its last use. The queue has a row for each user that holds a file, since it
+ * sent the file and has not deleted it, with the name that the user gave the file; only this user may learn it
+ * (queue_upload). A file without rows, of a database that was lost, is kept until it is unused, and held by each
+ * user that sends its bytes again. Opening the directory removes unfinished uploads that a crash left. One process owns the
+ * directory. Any thread may call; an upload belongs to one thread at a time.
  */
 #ifndef HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
 #define HEXAD_SERVICE_UPLOADS_UPLOAD_STORE_H
@@ -20,14 +20,16 @@
 #include "files/file.h"
 #include "files/sent_file.h"
 #include "service/ledger/ledger.h"
+#include "service/queue/queue.h"
 
 typedef struct store_inputs store_inputs;
 
 /* Makes the directory if it is missing. One file may have at most `most_bytes`, all files together
- * `total_bytes`. The ledger, which must outlive the store and in which no other store counts, limits each
- * user: LEDGER_UPLOAD_BYTES are the files that the user sent and the arrived bytes of unfinished uploads,
- * LEDGER_UPLOADS the simultaneous uploads. A file that several users sent counts for each of them. */
-store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes,
+ * `total_bytes`. The ledger, in which no other store counts, limits each user: LEDGER_UPLOAD_BYTES are the files
+ * that the user holds and the arrived bytes of unfinished uploads, LEDGER_UPLOADS the simultaneous uploads. A file
+ * that several users hold counts for each of them. Queue and ledger must outlive the store. Records of older builds
+ * are moved to the queue. */
+store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, queue *q,
                                 ledger *counts, error *e);
 void store_inputs_close(store_inputs *s); /* accepts NULL */
 const char *store_inputs_directory(const store_inputs *s);
@@ -39,19 +41,16 @@ typedef struct store_inputs_space {
 
 store_inputs_space store_inputs_get_space(store_inputs *s);
 
-/* The length of the file in bytes; -1 if it does not exist. */
-int64_t store_inputs_find(store_inputs *s, const char *hex);
+/* The length of the file in bytes; -1 if it does not exist. *used_ms: the time of its last use, on the wall clock; may
+ * be NULL. */
+int64_t store_inputs_find(const store_inputs *s, const char *hex, int64_t *used_ms);
 /* As store_inputs_find, and sets the time of the last use to now. */
 int64_t store_inputs_use(store_inputs *s, const char *hex);
-/* Removes the files for which `may_go` returns true. used_ms is the time of the last use, on the wall
- * clock; `held`: a user holds the file. *gone is the number of removed files. `may_go` must not call functions of
- * this header. */
-typedef bool store_inputs_decision(void *context, const char *name, int64_t used_ms, bool held);
-bool store_inputs_collect(store_inputs *s, store_inputs_decision *may_go, void *context, size_t *gone,
-                          error *e);
-/* Removes a file, if it is held only if `also_held`. *found: the file existed and was removed. Jobs that name the
- * file fail from then on. */
-bool store_inputs_remove(store_inputs *s, const char *hex, bool also_held, bool *found, error *e);
+/* Removes the files that no unfinished job reads, and that were not used for keep_ms of running time (0: without limit) or
+ * that all users have released. *gone is the number of removed files. */
+bool store_inputs_collect(store_inputs *s, int64_t keep_ms, size_t *gone, error *e);
+/* Removes a file, also one that users hold. *found: the file existed. Jobs that name the file fail from then on. */
+bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
 
 /* Removes the file "sha256:HEX" if its bytes have another hash: any user may then send it again. No user holds it
  * any more; the names that users gave it stay for messages. Reads the whole file, until the deadline. */
@@ -61,30 +60,22 @@ void store_inputs_discard_damaged(store_inputs *s, const char *name, const store
  * it cannot be read. */
 bool store_inputs_compare(const char *directory, const char *name, error *e);
 
-/* The time at which the user sent the file that it holds, on the wall clock; -1: the user does not hold the file,
- * or the file does not exist. */
-int64_t store_inputs_find_sent(store_inputs *s, const char *hex, const char *user);
-/* Ends the hold of the user, with the name that the user gave the file. *found: the user held the file or gave it a
- * name. The file stays, even if no user holds it. */
+/* Since when the user holds the file, on the wall clock, or QUEUE_NOT_HELD; and the name that the user gave it, which
+ * the caller frees. NULL: none. */
+int64_t store_inputs_find_sent(const store_inputs *s, const char *hex, const char *user, char **name);
+/* Whether the user holds the file, and (`name` not NULL) has given it this name. */
+bool store_inputs_holds(const store_inputs *s, const char *hex, const char *user, const char *name);
+/* Ends the hold of the user, with the name that the user gave the file. *found: the user held the file. The file is removed
+ * if no other user holds it and no unfinished job reads it; if one does, by a collection afterwards. */
 bool store_inputs_release(store_inputs *s, const char *hex, const char *user, bool *found, error *e);
 /* The bytes of the files that the user holds, and the arrived bytes of its unfinished uploads. */
 int64_t store_inputs_count_bytes(store_inputs *s, const char *user);
+/* As queue_list_uploads, with the name of the user. */
+bool store_inputs_list(store_inputs *s, const char *user, const queue_upload *after, int limit,
+                       queue_upload **list, size_t *count, error *e);
 
-/* A file that a user holds. Times are on the wall clock. */
-typedef struct store_input {
-    char hex[STORE_INPUT_HEX + 1];
-    int64_t bytes, sent_ms, used_ms;
-} store_input;
-
-/* The files that the user holds, the one that was sent last first; the caller frees the list. */
-bool store_inputs_list(store_inputs *s, const char *user, store_input **list, size_t *count, error *e);
-
-/* Records the name that the user gives a file that exists. The length is at most STORE_INPUT_FILE_NAME_MOST bytes. */
+/* Maximum length of the name of a file, in bytes. */
 #define STORE_INPUT_FILE_NAME_MOST 255
-bool store_inputs_set_file_name(store_inputs *s, const char *hex, const char *user, const char *file_name,
-                                error *e);
-/* The name that this user gave the file; the caller frees it. NULL: none. */
-char *store_inputs_get_file_name(const store_inputs *s, const char *hex, const char *user);
 
 typedef enum store_upload_outcome {
     STORE_UPLOAD_GOOD,
@@ -109,13 +100,14 @@ store_upload_outcome store_upload_begin(store_inputs *s, const char *hex, const 
 store_upload_outcome store_upload_open(store_upload *u, error *e);
 /* Adds bytes. After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_outcome store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
-/* Verifies the hash, flushes the file and renames it to its name. The user then holds the file. If the same file is
- * already stored and not damaged, the upload is discarded. */
-store_upload_outcome store_upload_commit(store_upload *u, error *e);
+/* Verifies the hash, flushes the file and renames it to its name. The user then holds the file, by this name unless it is
+ * NULL. If the same file is already stored and not damaged, the upload is discarded. */
+store_upload_outcome store_upload_commit(store_upload *u, const char *name, error *e);
 void store_upload_end(store_upload *u); /* removes what was not committed; accepts NULL */
 
-/* The user holds a stored file from now on, without an upload. Results: GOOD, also if the user holds it already;
- * USER_FULL, GONE, FAILED. */
-store_upload_outcome store_inputs_hold(store_inputs *s, const char *hex, const char *user, error *e);
+/* The user holds a stored file from now on, by this name unless it is NULL, without an upload. Results: GOOD, also if the
+ * user holds it already; USER_FULL, GONE, FAILED. */
+store_upload_outcome store_inputs_hold(store_inputs *s, const char *hex, const char *user, const char *name,
+                                       error *e);
 
 #endif
