@@ -409,13 +409,15 @@ class Book:
 class Load:
     """Clients that submit, look, fetch and cancel from their own threads until they are stopped."""
 
-    def __init__(self, daemon, book, seed, footage=None, submitters=2, outputs=None):
-        """`outputs` is a directory for copies of results, which some jobs then ask for."""
-        self.daemon, self.book, self.footage, self.outputs = daemon, book, footage, outputs
+    def __init__(self, daemon, book, seed, footage=None, submitters=2, outputs=None, uploads=None):
+        """`outputs` is a directory for copies of results, which some jobs then ask for; `uploads` (uploads.py) a client of its own."""
+        self.daemon, self.book, self.footage, self.outputs, self.uploads = daemon, book, footage, outputs, uploads
         self.over, self.failures = threading.Event(), []
         self.threads = [threading.Thread(target=self.guard, args=(self.submit, f"{seed}.{k}"), daemon=True)
                         for k in range(submitters)]
         self.threads.append(threading.Thread(target=self.guard, args=(self.read, f"{seed}.r"), daemon=True))
+        if uploads:
+            self.threads.append(threading.Thread(target=self.guard, args=(self.send, f"{seed}.u"), daemon=True))
         for thread in self.threads:
             thread.start()
 
@@ -434,7 +436,10 @@ class Load:
             with self.book.mutex:
                 document = self.book.unanswered.pop() if self.book.unanswered else None
             document, k = document or self.invent(f"{seed}.{k}", rng), k + 1
+            sent = self.uploads and self.uploads.be_read(self.daemon, self.book, document, rng)
             job = self.book.submit(self.daemon, document)
+            if job and sent:
+                self.uploads.change(self.daemon, self.book, sent, "DELETE")
             if job is None:
                 self.over.wait(0.02)
             elif rng.random() < 0.08:
@@ -451,6 +456,13 @@ class Load:
         if self.outputs and rng.random() < 0.3:
             document["output"]["directory"] = f"{self.outputs}/{name}"
         return document
+
+    def send(self, rng, seed):
+        k = 0
+        while not self.over.is_set() and not self.daemon.dead():
+            self.uploads.act(self.daemon, self.book, f"{seed}.{k}", rng)
+            k += 1
+            self.over.wait(0.01)
 
     def cancel(self, job):
         reply = self.daemon.ask("POST", f"/v1/jobs/{job}/cancel")

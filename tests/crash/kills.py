@@ -8,6 +8,7 @@ import time
 
 import copies
 from farm import Book, Daemon, Load, Violation, make_footage, setclock, wait_until
+from uploads import Uploads
 
 GOOD = (0, 10, 11)  # exit statuses of a worker that has a result
 CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
@@ -62,12 +63,13 @@ def check_dead(daemon, figures):
     figures["temporary files left by kills"] += len(copies.find_temporaries(daemon.base / "outputs"))
 
 
-def cycle(daemon, book, seed, footage, figures):
+def cycle(daemon, book, uploads, seed, footage, figures):
     rng = random.Random(seed)
     target = rng.choices(list(TARGETS), TARGETS.values())[0]
     if daemon.dead():
         daemon.start()
-    load = Load(daemon, book, seed, footage, outputs=daemon.base / "outputs")
+    uploads.check(daemon)
+    load = Load(daemon, book, seed, footage, outputs=daemon.base / "outputs", uploads=uploads)
     if daemon.clock:
         time.sleep(rng.uniform(0, LOAD_S))
         daemon.clock.step(rng.uniform(-STEP_S, STEP_S))
@@ -79,7 +81,7 @@ def cycle(daemon, book, seed, footage, figures):
     figures["cycles"][target] = figures["cycles"].get(target, 0) + 1
 
 
-def finish(daemon, book, figures):
+def finish(daemon, book, figures, uploads=None):
     """Lets all jobs end and looks at everything, before and after one more start."""
     if daemon.dead():
         daemon.start()
@@ -93,6 +95,8 @@ def finish(daemon, book, figures):
     daemon.end_by_drain()
     daemon.start()
     book.check_all(daemon)
+    if uploads:
+        uploads.check(daemon)
     for job, document in book.listed(daemon).items():
         figures["served from the cache"] += document["cached_from"] is not None
         attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
@@ -113,12 +117,14 @@ def finish(daemon, book, figures):
         figures["submissions"][status] = figures["submissions"].get(status, 0) + times
     figures["files fetched"] += book.files
     figures["deleted"] += len(book.deleted)
+    for what, number in uploads.figures.items() if uploads else ():
+        figures[what] += number
 
 
 def new_figures():
     return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "served from the cache": 0, "attempts": 0,
             "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0,
-            "copies in output.directory": 0, "temporary files left by kills": 0}
+            "copies in output.directory": 0, "temporary files left by kills": 0, "uploads sent": 0, "uploads deleted": 0}
 
 
 def run_with_steps(build, where, cycles, seed, say):
@@ -141,12 +147,12 @@ def run(build, where, cycles, seed, say, new_daemon=Daemon):
         shutil.rmtree(base, ignore_errors=True)
         (base / "outputs").mkdir(parents=True)
         daemon = new_daemon(build, base, "--workers", 2, "--input_roots", footage, "--output_roots", base / "outputs")
-        book = Book(base / "accepted")
+        book, uploads = Book(base / "accepted"), Uploads(reads=True)
         try:
             for _ in range(min(CYCLES_A_ROUND, cycles - done)):
-                cycle(daemon, book, f"{seed}.{done}", footage, figures)
+                cycle(daemon, book, uploads, f"{seed}.{done}", footage, figures)
                 done += 1
-            finish(daemon, book, figures)
+            finish(daemon, book, figures, uploads)
         except Exception as e:
             raise Violation(f"kill cycle {seed}.{done} in {base}: {e}") from e
         finally:

@@ -10,6 +10,7 @@ import time
 
 import kills
 from farm import FINAL, FRAMES, Book, Daemon, Load, Violation, make_footage, wait_until
+from uploads import Uploads
 
 CYCLES_A_ROUND = 15  # then all jobs end, everything is looked at, and the next round begins with nothing
 ID = 26  # characters of a job's id
@@ -242,10 +243,10 @@ def check_adopted(daemon, book, adopted, before, figures):
 
 # ---- cycles
 
-def be_loaded(daemon, book, seed, rng, footage, path, figures):
+def be_loaded(daemon, book, uploads, seed, rng, footage, path, figures):
     """Runs the load for a random time, makes a backup and runs it for another, until the daemon ends; the backup. The moments
     are the random thing that is tested, so they are slept for, once a number of jobs has ended on however slow a machine."""
-    load = Load(daemon, book, seed, footage)
+    load = Load(daemon, book, seed, footage, uploads=uploads)
 
     def go_on():
         wanted = len(book.ended) + rng.randrange(LOAD_JOBS)
@@ -273,10 +274,10 @@ def end_somehow(daemon, rng, drains, figures):
         figures["kills"] += 1
 
 
-def cycle(daemon, book, seed, footage, backups, adopts, figures):
+def cycle(daemon, book, uploads, seed, footage, backups, adopts, figures):
     rng = random.Random(seed)
     path = daemon.base / f"backup.{seed}"
-    backups.append(be_loaded(daemon, book, seed, rng, footage, path, figures))
+    backups.append(be_loaded(daemon, book, uploads, seed, rng, footage, path, figures))
     for old in backups[:-KEPT]:
         old.path.unlink()
         backups.remove(old)
@@ -286,11 +287,13 @@ def cycle(daemon, book, seed, footage, backups, adopts, figures):
         backups.clear()  # of another database
     elif what > 1 - STAYS:
         daemon.start()
+        uploads.check(daemon)
     else:
         chosen = rng.randrange(len(backups))
         start_from(daemon, book, backups[chosen], figures)
         del backups[chosen + 1:]  # they know jobs whose results are now in lost+found
         figures["backups put back"] += 1
+    uploads.send_again(daemon, book)
 
 
 def new_figures():
@@ -309,13 +312,13 @@ def run(build, where, times, seed, say, new_daemon=Daemon):
         # a report names the job that it was made for, which is not the one that was given it by the cache
         adopts = done // CYCLES_A_ROUND % 2 == 0
         daemon = new_daemon(build, base, "--workers", 2, "--input_roots", footage, "--cache", int(not adopts))
-        book, backups = Book(base / "accepted"), []
+        book, uploads, backups = Book(base / "accepted"), Uploads(), []
         try:
             daemon.start()
             while figures["kills"] < times and (done == first or done % CYCLES_A_ROUND):
-                cycle(daemon, book, f"{seed}.{done}", footage, backups, adopts, figures)
+                cycle(daemon, book, uploads, f"{seed}.{done}", footage, backups, adopts, figures)
                 done += 1
-            kills.finish(daemon, book, figures)
+            kills.finish(daemon, book, figures, uploads)
         except Exception as e:
             raise Violation(f"restore {seed}.{done} in {base}: {e}") from e
         finally:

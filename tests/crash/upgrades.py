@@ -72,6 +72,9 @@ def check_shown(daemon, earlier, results, ended):
             raise Violation(f"the job {name} was {was or job['state']} and is {now}")
         if now in ENDED:
             ended[name] = now
+    held = {file["sha256"] for file in daemon.ask("GET", "/v1/inputs").json["inputs"]}
+    if held != {path.name.removeprefix("sha256:") for path in (daemon.state / "inputs").iterdir()} or len(held) != 2:
+        raise Violation(f"the uploads of the earlier build are listed as {held}")
     there = read_points(daemon)
     changed = [name for name, points in results.items() if there.get(name) != points]
     if changed:
