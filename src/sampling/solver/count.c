@@ -80,8 +80,12 @@ static bool change_count(solver *s, size_t before, size_t after, rng *r, solver_
 /* With patches: changes the number of points to `wanted` and replaces the curve samples. */
 static bool change_patch_counts(solver *s, size_t wanted, rng *r, solver_round *round, error *e)
 {
-    const quota_input in = {s->setup.field, s->setup.scan, s->setup.params.sizing,
-                            packing_spacing(s->setup.scan->area, (double)s->setup.params.count), false};
+    const quota_input in = {s->setup.field,
+                            s->setup.scan,
+                            s->setup.params.sizing,
+                            packing_spacing(s->setup.scan->area, (double)s->setup.params.count),
+                            false,
+                            s->setup.pool};
     quota next, *current = &s->state.plan.quotas[s->state.level];
     size_t before = particles_free_count(s->state.p);
     bool ok =
