@@ -16,18 +16,18 @@ enum { CHUNK = THREADS_GRAIN };
 /* ---- the triangles ---- */
 
 /* The triangles of one chunk of points. */
-typedef struct found {
+typedef struct triangle_list {
     size_t count, capacity;
     uint32_t (*corner)[3];
-} found;
+} triangle_list;
 
 typedef struct triangle_search {
     const partition *partition;
     voronoi_sites sites;
-    found *found; /* per chunk */
+    triangle_list *lists; /* per chunk */
 } triangle_search;
 
-static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32_t c, found *out)
+static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32_t c, triangle_list *out)
 {
     const vec3 *x = s->position, *n = s->normal;
     vec3 across = vec3_cross(vec3_sub(x[b], x[a]), vec3_sub(x[c], x[a]));
@@ -53,13 +53,13 @@ static void search_chunk(void *context, int worker, size_t begin, size_t end)
         voronoi_star_at(&job->sites, a, &star);
         for (uint32_t t = 0; t < star.triangle_count; t++) {
             uint32_t b = star.point[star.corner[t][0]], c = star.point[star.corner[t][1]];
-            if (a < b && a < c) note_triangle(&job->sites, a, b, c, &job->found[begin / CHUNK]);
+            if (a < b && a < c) note_triangle(&job->sites, a, b, c, &job->lists[begin / CHUNK]);
         }
     }
 }
 
 /* Appends the triangles of all chunks of a partition, in their order. */
-static bool append_found(const found *all, size_t chunks, triangulation *t, error *e)
+static bool append_found(const triangle_list *all, size_t chunks, triangulation *t, error *e)
 {
     size_t sum = t->facts.triangles;
     for (size_t k = 0; k < chunks; k++) sum += all[k].count;
@@ -81,15 +81,15 @@ static bool search_partition(const partition *s, threads *pool, triangulation *t
     const size_t chunks = (s->count + CHUNK - 1) / CHUNK;
     triangle_search job = {.partition = s,
                            .sites = {s->position, s->normal, s->spacing, s->near, s->flags, s->index},
-                           .found = mem_array(chunks, sizeof *job.found, "the mesh", e)};
-    bool ok = job.found != NULL;
+                           .lists = mem_array(chunks, sizeof *job.lists, "the mesh", e)};
+    bool ok = job.lists != NULL;
     if (ok) {
         threads_run(pool, s->count, CHUNK, search_chunk, &job);
         ok = threads_stopped(pool) ? error_set(e, ERROR_CANCELLED, "stopped")
-                                   : append_found(job.found, chunks, t, e);
+                                   : append_found(job.lists, chunks, t, e);
     }
-    for (size_t c = 0; job.found && c < chunks; c++) free(job.found[c].corner);
-    free(job.found);
+    for (size_t c = 0; job.lists && c < chunks; c++) free(job.lists[c].corner);
+    free(job.lists);
     return ok;
 }
 
@@ -493,7 +493,7 @@ static bool drop_beyond_curves(const triangulation_input *in, triangulation *t, 
 static bool close_holes(const triangulation_input *in, triangulation *made, error *e)
 {
     survey job = {.in = in, .made = made};
-    found added = {0};
+    triangle_list added = {0};
     bool ok = list_wedges(&job, e);
     for (uint32_t i = 0; ok && i < in->count; i++) {
         hole h;

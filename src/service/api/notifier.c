@@ -23,11 +23,11 @@ struct notifier {
 };
 
 /* The topics of one round: jobs and their owners. */
-typedef struct news {
+typedef struct news_topics {
     const char *topic[4 * NEWS_MOST];
     size_t count;
     char owner_topic[2 * NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event and each line */
-} news;
+} news_topics;
 
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
 {
@@ -35,7 +35,7 @@ void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
     snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash_add_text(HASH_NONE, owner));
 }
 
-static void add_topic(news *n, const char *topic)
+static void add_topic(news_topics *n, const char *topic)
 {
     for (size_t i = 0; i < n->count; i++)
         if (strcmp(n->topic[i], topic) == 0) return;
@@ -48,7 +48,7 @@ static int64_t wake_waiters(void *context)
 {
     notifier *n = context;
     error e = {0};
-    news fresh;
+    news_topics fresh;
     fresh.count = 0;
     queue_event_page page = {0};
     queue_event_filter filter = {.after_seq = n->event_seq, .limit = NEWS_MOST};

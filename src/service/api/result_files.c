@@ -231,16 +231,16 @@ static void send_file(const http_request *request, const result_output *output, 
 }
 
 /* Reports to the executor that a file of a result was sent to its owner. */
-typedef struct sending {
+typedef struct files_receipt {
     reply_receipt receipt;
     executor *x;
     fetches_result of;
     size_t index, count;
-} sending;
+} files_receipt;
 
 static void end_sending(reply_receipt *receipt, bool sent)
 {
-    sending *s = (sending *)receipt;
+    files_receipt *s = (files_receipt *)receipt;
     if (sent) executor_note_sent(s->x, &s->of, s->index, s->count);
     free(s);
 }
@@ -251,12 +251,12 @@ static void add_receipt(const http_context *c, const http_request *request, cons
                         reply *r)
 {
     if (!p->own || (r->status != 200 && r->status != 304)) return;
-    sending *s = mem_alloc(sizeof *s);
-    *s = (sending){.receipt.end = end_sending,
-                   .x = c->x,
-                   .of.frame = p->frame,
-                   .index = index,
-                   .count = p->found.output_count};
+    files_receipt *s = mem_alloc(sizeof *s);
+    *s = (files_receipt){.receipt.end = end_sending,
+                         .x = c->x,
+                         .of.frame = p->frame,
+                         .index = index,
+                         .count = p->found.output_count};
     snprintf(s->of.id, sizeof s->of.id, "%s", request->parameter[0]);
     r->receipt = &s->receipt;
 }

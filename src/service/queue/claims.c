@@ -17,10 +17,10 @@
 #include "service/queue/relation.h"
 #include "service/queue/usage.h"
 
-typedef struct holding {
+typedef struct hold_change {
     change change;
     bool on;
-} holding;
+} hold_change;
 
 static bool read_hold(database *d, bool *held, error *e)
 {
@@ -33,12 +33,12 @@ static bool read_hold(database *d, bool *held, error *e)
 
 static bool hold(database *d, change *asked)
 {
-    return RUN(d, &asked->fault, "UPDATE service SET is_held = ?1", integer(((holding *)asked)->on));
+    return RUN(d, &asked->fault, "UPDATE service SET is_held = ?1", integer(((hold_change *)asked)->on));
 }
 
 bool queue_hold(queue *q, bool on, error *e)
 {
-    holding h = {.change.apply = hold, .on = on};
+    hold_change h = {.change.apply = hold, .on = on};
     return database_change(q->database, &h.change, e);
 }
 
@@ -50,7 +50,7 @@ bool queue_is_held(queue *q, bool *held, error *e)
     return ok;
 }
 
-typedef struct claiming {
+typedef struct claim_change {
     change change;
     queue *q;
     const queue_resources *resources; /* NULL: claims a task of the job `id`, whatever the free resources */
@@ -58,7 +58,7 @@ typedef struct claiming {
     int after; /* with `resources` and `id`: claims the next task in the chunk of this one */
     queue_claimed claimed;
     bool found;
-} claiming;
+} claim_change;
 
 /* Queues delayed tasks that are due. The next claim continues. */
 static bool promote(database *d, int64_t now, error *e)
@@ -142,7 +142,7 @@ static bool find_previous(database *d, int64_t seq, int number, int *frame, erro
 }
 
 /* Sets the number of the claimed task's chunk, and whether more tasks of the chunk may be claimed. */
-static bool note_chunk(database *d, const job_state *j, claiming *c, error *e)
+static bool note_chunk(database *d, const job_state *j, claim_change *c, error *e)
 {
     int next = -1;
     bool may = false;
@@ -157,7 +157,7 @@ static bool note_chunk(database *d, const job_state *j, claiming *c, error *e)
 }
 
 /* Starts a task of the job. */
-static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
+static bool start_task(database *d, int64_t seq, claim_change *c, int64_t now, error *e)
 {
     bool ok = false;
     int number = -1, attempt = 0, frame = QUEUE_NO_FRAME;
@@ -195,7 +195,7 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
 }
 
 /* Finds the job of which another task is claimed; *seq 0: none may be claimed. */
-static bool find_continued(database *d, const claiming *c, int64_t *seq, error *e)
+static bool find_continued(database *d, const claim_change *c, int64_t *seq, error *e)
 {
     bool may = false;
     if (!database_read_integer(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1", text(c->id)), seq, e))
@@ -207,7 +207,7 @@ static bool find_continued(database *d, const claiming *c, int64_t *seq, error *
 
 static bool claim(database *d, change *asked)
 {
-    claiming *c = (claiming *)asked;
+    claim_change *c = (claim_change *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms(), seq = 0;
     bool ok, held = false, full = false;
@@ -221,7 +221,7 @@ static bool claim(database *d, change *asked)
     return ok && (!seq || start_task(d, seq, c, now, e));
 }
 
-static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found, error *e)
+static bool run_claim(queue *q, claim_change *c, queue_claimed *claimed, bool *found, error *e)
 {
     c->change.apply = claim;
     if (!database_change(q->database, &c->change, e)) {
@@ -235,20 +235,20 @@ static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found
 
 bool queue_claim(queue *q, const queue_resources *resources, queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.q = q, .resources = resources};
+    claim_change c = {.q = q, .resources = resources};
     return run_claim(q, &c, claimed, found, e);
 }
 
 bool queue_claim_in_chunk(queue *q, const queue_resources *resources, const char *id, int task,
                           queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.q = q, .resources = resources, .id = id, .after = task};
+    claim_change c = {.q = q, .resources = resources, .id = id, .after = task};
     return run_claim(q, &c, claimed, found, e);
 }
 
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.q = q, .id = id};
+    claim_change c = {.q = q, .id = id};
     return run_claim(q, &c, claimed, found, e);
 }
 
@@ -279,16 +279,17 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
 
 /* ---- the end of an attempt */
 
-typedef struct settling {
+typedef struct settle_change {
     change change;
     const queue_fence *fence;
     const queue_ending *ending;
     bool back, counts; /* the task is queued again */
     int64_t not_before_ms;
     bool accepted;
-} settling;
+} settle_change;
 
-static bool end_attempt(database *d, const settling *s, const job_state *j, int frame, int64_t now, error *e)
+static bool end_attempt(database *d, const settle_change *s, const job_state *j, int frame, int64_t now,
+                        error *e)
 {
     const queue_ending *x = s->ending;
     return RUN(d, e,
@@ -305,7 +306,7 @@ static bool end_attempt(database *d, const settling *s, const job_state *j, int 
 }
 
 /* Whether the attempt is the current one of its task and runs. Reads the frame. */
-static bool check_fence(database *d, const settling *s, const job_state *j, bool *current, int *frame,
+static bool check_fence(database *d, const settle_change *s, const job_state *j, bool *current, int *frame,
                         error *e)
 {
     bool ok = false;
@@ -321,7 +322,7 @@ static bool check_fence(database *d, const settling *s, const job_state *j, bool
     return ok;
 }
 
-static bool put_back(database *d, const settling *s, job_state *j, int64_t now, error *e)
+static bool put_back(database *d, const settle_change *s, job_state *j, int64_t now, error *e)
 {
     bool delayed = s->not_before_ms > now;
     if (!RUN(d, e,
@@ -342,7 +343,7 @@ static bool put_back(database *d, const settling *s, job_state *j, int64_t now, 
 
 #define MAKER_IS_SHOWN RELATION_IS_SHOWN("job.owner", "maker.owner")
 
-static bool end_task(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
+static bool end_task(database *d, const settle_change *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     if (!RUN(d, e,
@@ -369,7 +370,7 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
 
 /* In an ordered job, ends the tasks after one that did not succeed: they have no result to start from. Those of a
  * cancelled job are cancelled, perhaps in pieces. */
-static bool end_followers(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
+static bool end_followers(database *d, const settle_change *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     char message[128];
@@ -382,7 +383,7 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
 }
 
 /* Records that the result of the task has to be copied to output.directory, or could not be copied. */
-static bool note_uncopied(database *d, const settling *s, const job_state *j, error *e)
+static bool note_uncopied(database *d, const settle_change *s, const job_state *j, error *e)
 {
     const queue_ending *x = s->ending;
     bool failed = x->copy_code && !x->copy_pending;
@@ -398,7 +399,7 @@ static bool note_uncopied(database *d, const settling *s, const job_state *j, er
 }
 
 /* Adds the disk space of the attempt. */
-static bool note_left(database *d, const settling *s, const job_state *j, error *e)
+static bool note_left(database *d, const settle_change *s, const job_state *j, error *e)
 {
     const queue_ending *x = s->ending;
     bool delivered = x->delivered && !s->back && x->state == QUEUE_SUCCEEDED;
@@ -413,7 +414,7 @@ static bool note_left(database *d, const settling *s, const job_state *j, error 
 
 static bool settle(database *d, change *asked)
 {
-    settling *s = (settling *)asked;
+    settle_change *s = (settle_change *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     bool found = false, current = false;
@@ -433,7 +434,7 @@ static bool settle(database *d, change *asked)
            job_save(d, &before, &j, now, e);
 }
 
-static bool run_settling(queue *q, settling *s, bool *accepted, error *e)
+static bool run_settling(queue *q, settle_change *s, bool *accepted, error *e)
 {
     s->change.apply = settle;
     if (!database_change(q->database, &s->change, e)) return false;
@@ -443,14 +444,14 @@ static bool run_settling(queue *q, settling *s, bool *accepted, error *e)
 
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e)
 {
-    settling s = {.fence = fence, .ending = ending};
+    settle_change s = {.fence = fence, .ending = ending};
     return run_settling(q, &s, accepted, e);
 }
 
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e)
 {
-    settling s = {
+    settle_change s = {
         .fence = fence, .ending = ending, .back = true, .counts = counts, .not_before_ms = not_before_ms};
     return run_settling(q, &s, accepted, e);
 }
