@@ -3,8 +3,10 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <cmocka.h>
 
 #include "surface/volume/thin_walls.h"
@@ -36,7 +38,7 @@ static thin_walls_found search(double (*value)(const wall *, int, int, int), con
     assert_non_null(s);
     for (int z = 0; z < SIZE; z++) {
         for (int k = 0; k < SIZE * SIZE; k++) slice[k] = -value(w, k % SIZE, k / SIZE, z);
-        assert_true(thin_walls_add(s, slice, 0, NAN, &e));
+        thin_walls_add(s, slice, 0, NAN);
     }
     const thin_walls_found found = thin_walls_take(s);
     thin_walls_end(s);
@@ -51,8 +53,8 @@ static void wall_between_samples_is_lost_on_every_line_across(void **state)
         w.normal[axis] = 1;
         thin_walls_found found = search(wall_value, &w);
         assert_int_equal(found.crossed, 0);
-        assert_int_equal(found.kink_count, SIZE * SIZE);
-        for (size_t k = 0; k < found.kink_count; k++) {
+        assert_int_equal(found.kinks, SIZE * SIZE);
+        for (size_t k = 0; k < thin_walls_kept(&found); k++) {
             assert_int_equal(found.kink[k].axis, axis);
             assert_int_equal(found.kink[k].at[axis], 20);
         }
@@ -65,7 +67,7 @@ static void oblique_wall_is_lost_on_the_share_of_lines_between_samples(void **st
     (void)state;
     const wall w = {{0.408248, 0.577350, 0.707107}, 40, 0.3};
     thin_walls_found found = search(wall_value, &w);
-    const double lost = 2 * (double)found.kink_count, all = lost + (double)found.crossed;
+    const double lost = 2 * (double)found.kinks, all = lost + (double)found.crossed;
     /* a line at the cosine c has the share 0.3 / c with a sample; its weight is c */
     const double expected = 1 - 3 * 0.3 / (w.normal[0] + w.normal[1] + w.normal[2]);
     assert_true(fabs(lost / all - expected) < 0.03);
@@ -79,12 +81,12 @@ static void thick_wall_and_smooth_minimum_lose_nothing(void **state)
     for (int k = 0; k < 2; k++) {
         thin_walls_found found = search(wall_value, &walls[k]);
         assert_true(found.crossed > 0);
-        assert_int_equal(found.kink_count, 0);
+        assert_int_equal(found.kinks, 0);
         thin_walls_free(&found);
     }
     const wall near = {.thickness = 0.01};
     thin_walls_found found = search(bowl_value, &near);
-    assert_int_equal(found.kink_count, 0);
+    assert_int_equal(found.kinks, 0);
     thin_walls_free(&found);
 }
 
@@ -100,6 +102,37 @@ static void wall_with_one_sample_is_thin(void **state)
     thin_walls_free(&found);
 }
 
+static void many_kinks_are_a_sample_of_all(void **state)
+{
+    (void)state;
+    enum { WIDE = 300, DEEP = 6 };
+    static double slice[WIDE * WIDE];
+    static bool seen[WIDE][WIDE];
+    error e = {0};
+    thin_walls_search *s = thin_walls_begin(WIDE, WIDE, &e);
+    assert_non_null(s);
+    for (int z = 0; z < DEEP; z++) {
+        for (int k = 0; k < WIDE * WIDE; k++) slice[k] = -fabs(z - 2.5) + 0.25;
+        thin_walls_add(s, slice, 0, NAN);
+    }
+    thin_walls_found found = thin_walls_take(s);
+    thin_walls_end(s);
+    assert_int_equal(found.kinks, WIDE * WIDE);
+    assert_int_equal(thin_walls_kept(&found), THIN_WALLS_KEPT);
+    int left = 0, upper = 0;
+    for (size_t k = 0; k < THIN_WALLS_KEPT; k++) {
+        const thin_walls_edge *edge = &found.kink[k];
+        assert_int_equal(edge->axis, 2);
+        assert_false(seen[edge->at[0]][edge->at[1]]);
+        seen[edge->at[0]][edge->at[1]] = true;
+        left += edge->at[0] < WIDE / 2;
+        upper += edge->at[1] < WIDE / 2;
+    }
+    assert_true(abs(2 * left - THIN_WALLS_KEPT) < THIN_WALLS_KEPT / 100);
+    assert_true(abs(2 * upper - THIN_WALLS_KEPT) < THIN_WALLS_KEPT / 100);
+    thin_walls_free(&found);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -107,6 +140,7 @@ int main(void)
         cmocka_unit_test(oblique_wall_is_lost_on_the_share_of_lines_between_samples),
         cmocka_unit_test(thick_wall_and_smooth_minimum_lose_nothing),
         cmocka_unit_test(wall_with_one_sample_is_thin),
+        cmocka_unit_test(many_kinks_are_a_sample_of_all),
     };
     return cmocka_run_group_tests_name("thin_walls", tests, NULL, NULL);
 }

@@ -143,7 +143,7 @@ static bool find_blocks(work *w, dense_grid_facts *facts, error *e)
         w->inside[1] = before;
         if (!w->source->ops->read(w->source, z, w->values, e)) return false;
         note_values(w, z, w->inside[1], facts);
-        if (!thin_walls_add(w->walls, w->values, w->isovalue, w->no_data, e)) return false;
+        thin_walls_add(w->walls, w->values, w->isovalue, w->no_data);
         if (z > 0) mark_layer(w, z - 1);
         if (!threads_may_go_on(w->pool, e)) return false;
     }

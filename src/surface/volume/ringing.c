@@ -2,6 +2,7 @@
 #include "surface/volume/ringing.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -157,25 +158,39 @@ double ringing_one_sided(const coefficient_blocks *b, const crossed_cells *cells
     return share > ONE_SIDED ? share : 0;
 }
 
-double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, bool *certain)
+/* The search for late cells that ring. */
+typedef struct share_job {
+    const coefficient_blocks *coefficients;
+    const crossed_cell *late;
+    atomic_size_t found;
+    atomic_bool certain;
+} share_job;
+
+static void share_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const size_t begin = crossed_cells_in_blocks(cells);
-    size_t found = 0;
-    *certain = false;
-    for (size_t k = begin; k < cells->count; k++) {
-        const crossed_cell *c = &cells->late[k - begin];
+    share_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        const crossed_cell *c = &job->late[k];
         const int at[3] = {c->at[0] & 7, c->at[1] & 7, c->at[2] & 7};
         double below, above;
         float buffer[COEFFICIENT_BLOCK_CELL];
         largest_of(c->value, &below, &above);
-        const double range = range_around(b, c->at), own = fmax(below, above);
-        *certain |= own > 0 && range > CERTAIN_RATIO * own;
-        found +=
-            range > RATIO * own && is_crossed_within(coefficient_blocks_find_cell(b, c->block, at, buffer));
+        const double range = range_around(job->coefficients, c->at), own = fmax(below, above);
+        if (own > 0 && range > CERTAIN_RATIO * own) job->certain = true;
+        if (range > RATIO * own &&
+            is_crossed_within(coefficient_blocks_find_cell(job->coefficients, c->block, at, buffer)))
+            job->found++;
     }
-    return cells->count > 0 && (double)found > IGNORED * (double)cells->count
-               ? (double)found / (double)cells->count
-               : 0;
+}
+
+double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, threads *pool, bool *certain)
+{
+    share_job job = {.coefficients = b, .late = cells->late};
+    threads_run(pool, cells->count - crossed_cells_in_blocks(cells), THREADS_GRAIN, share_chunk, &job);
+    *certain = job.certain;
+    const double found = (double)job.found, all = (double)cells->count;
+    return found > IGNORED * all ? found / all : 0;
 }
 
 /* Sums over the cells of a block: see BOUND. */

@@ -14,13 +14,14 @@
 #include <stdint.h>
 
 #include "base/core/error.h"
+#include "base/core/threads.h"
 #include "surface/volume/coefficient_block.h"
 #include "surface/volume/crossed_cells.h"
 #include "surface/volume/samples.h"
 
 /* The fraction of the cells that ring; 0 if it is at most a hundredth. *certain: a jump displaces the surface whatever the
- * fraction. */
-double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, bool *certain);
+ * fraction. Both are incomplete if the pool was stopped. */
+double ringing_share(const coefficient_blocks *b, const crossed_cells *cells, threads *pool, bool *certain);
 
 /* The fraction of the cells in which the samples of one side are many times as large as those of the other, as beside a
  * plateau next to the isovalue, and F bends there; 0 if it is at most 0.35, or of fewer than 1000 cells. `cells`: with F at their corners. */

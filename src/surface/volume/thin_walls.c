@@ -6,6 +6,7 @@
 
 #include "base/core/isa.h"
 #include "base/core/memory.h"
+#include "base/core/rng.h"
 
 /* Samples of a line that decide on its middle edge: three on each side. */
 enum { SAMPLES = 6 };
@@ -19,12 +20,14 @@ struct thin_walls_search {
     size_t width, height, slices;
     float *slice[SAMPLES]; /* F of the last slices, the newest last */
     uint8_t *candidate;    /* of each sample of a row */
+    rng random;            /* chooses the kinks that are stored */
     thin_walls_found found;
 };
 
 size_t thin_walls_bytes(int64_t width, int64_t height)
 {
-    return (size_t)(width * height) * SAMPLES * sizeof(float) + (size_t)width;
+    return (size_t)(width * height) * SAMPLES * sizeof(float) + (size_t)width +
+           THIN_WALLS_KEPT * sizeof(thin_walls_edge);
 }
 
 thin_walls_search *thin_walls_begin(int64_t width, int64_t height, error *e)
@@ -32,7 +35,10 @@ thin_walls_search *thin_walls_begin(int64_t width, int64_t height, error *e)
     thin_walls_search *s = mem_alloc(sizeof *s);
     s->width = (size_t)width;
     s->height = (size_t)height;
-    bool ok = (s->candidate = mem_array(s->width, 1, "a slice of the volume", e)) != NULL;
+    s->random = rng_seed(0, 0);
+    s->candidate = mem_array(s->width, 1, "a slice of the volume", e);
+    s->found.kink = mem_array(THIN_WALLS_KEPT, sizeof *s->found.kink, "the thin walls of the volume", e);
+    bool ok = s->candidate && s->found.kink;
     for (int k = 0; ok && k < SAMPLES; k++)
         ok = (s->slice[k] = mem_array(s->width * s->height, sizeof(float), "a slice of the volume", e)) !=
              NULL;
@@ -85,20 +91,21 @@ ISA_CLONES static uint32_t mark(const lines *l, size_t count, uint8_t *restrict 
     return found;
 }
 
-static bool add_kink(thin_walls_found *f, const thin_walls_edge *edge, error *e)
+/* Reservoir sampling: each of the kinks is stored with the same probability. */
+static void add_kink(thin_walls_search *s, const thin_walls_edge *edge)
 {
-    if (!MEM_GROW(f->kink, f->kink_count, &f->kink_room, "the thin walls of the volume", e)) return false;
-    f->kink[f->kink_count++] = *edge;
-    return true;
+    thin_walls_found *f = &s->found;
+    const uint64_t at = f->kinks < THIN_WALLS_KEPT ? f->kinks : rng_next(&s->random) % (f->kinks + 1);
+    f->kinks++;
+    if (at < THIN_WALLS_KEPT) f->kink[at] = *edge;
 }
 
 /* `first`: the edge of line 0; those of the others follow along the first axis. */
-static bool count_lines(thin_walls_search *s, const lines *l, size_t count, thin_walls_edge first, error *e)
+static void count_lines(thin_walls_search *s, const lines *l, size_t count, thin_walls_edge first)
 {
     uint32_t marked;
-    bool ok = true;
     s->found.crossed += mark(l, count, s->candidate, &marked);
-    for (size_t i = 0; ok && marked > 0 && i < count; i++) {
+    for (size_t i = 0; marked > 0 && i < count; i++) {
         if (!s->candidate[i]) continue;
         marked--;
         float f[SAMPLES];
@@ -108,23 +115,21 @@ static bool count_lines(thin_walls_search *s, const lines *l, size_t count, thin
         if ((f[2] < 0) != (f[3] < 0))
             s->found.thin += is_thin(f + 1) ? 2 : 0;
         else if (is_lost(f))
-            ok = add_kink(&s->found, &edge, e);
+            add_kink(s, &edge);
     }
-    return ok;
 }
 
-bool thin_walls_add(thin_walls_search *s, const double *values, double isovalue, double no_data, error *e)
+void thin_walls_add(thin_walls_search *s, const double *values, double isovalue, double no_data)
 {
     enum { LOW = SAMPLES / 2 - 1 }; /* the first sample of the middle edge */
     float *now = s->slice[0];
-    bool ok = true;
     for (int k = 1; k < SAMPLES; k++) s->slice[k - 1] = s->slice[k];
     s->slice[SAMPLES - 1] = now;
     const int32_t z = (int32_t)s->slices++;
     const double rounded = (double)(float)no_data;
     for (size_t i = 0; i < s->width * s->height; i++)
         now[i] = values[i] == no_data || values[i] == rounded ? NAN : (float)(isovalue - values[i]);
-    for (size_t y = 0; ok && y < s->height; y++) {
+    for (size_t y = 0; y < s->height; y++) {
         const float *row = now + y * s->width;
         const int32_t at = (int32_t)y;
         lines along, across, through;
@@ -134,13 +139,12 @@ bool thin_walls_add(thin_walls_search *s, const double *values, double isovalue,
             through.at[k] = s->slice[k] + y * s->width;
         }
         if (s->width >= SAMPLES)
-            ok = count_lines(s, &along, s->width - SAMPLES + 1, (thin_walls_edge){{LOW, at, z}, 0}, e);
-        if (ok && y + SAMPLES <= s->height)
-            ok = count_lines(s, &across, s->width, (thin_walls_edge){{0, at + LOW, z}, 1}, e);
-        if (ok && s->slices >= SAMPLES)
-            ok = count_lines(s, &through, s->width, (thin_walls_edge){{0, at, z - SAMPLES + 1 + LOW}, 2}, e);
+            count_lines(s, &along, s->width - SAMPLES + 1, (thin_walls_edge){{LOW, at, z}, 0});
+        if (y + SAMPLES <= s->height)
+            count_lines(s, &across, s->width, (thin_walls_edge){{0, at + LOW, z}, 1});
+        if (s->slices >= SAMPLES)
+            count_lines(s, &through, s->width, (thin_walls_edge){{0, at, z - SAMPLES + 1 + LOW}, 2});
     }
-    return ok;
 }
 
 thin_walls_found thin_walls_take(thin_walls_search *s)

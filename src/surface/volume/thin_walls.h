@@ -20,12 +20,14 @@ typedef struct thin_walls_edge {
 } thin_walls_edge;
 
 typedef struct thin_walls_found {
-    uint64_t crossed; /* edges with a change of sign */
-    uint64_t thin;    /* of these: on walls with one sample that are thinner than two voxels */
-    /* edges that a wall or a gap without a sample crosses: twice */
-    thin_walls_edge *kink;
-    size_t kink_count, kink_room;
+    uint64_t crossed;      /* edges with a change of sign */
+    uint64_t thin;         /* of these: on walls with one sample that are thinner than two voxels */
+    uint64_t kinks;        /* edges that a wall or a gap without a sample crosses: twice */
+    thin_walls_edge *kink; /* of these: all, or THIN_WALLS_KEPT of them chosen at random */
 } thin_walls_found;
+
+/* Maximum number of kinks that are stored. */
+enum { THIN_WALLS_KEPT = 65536 };
 
 /* Maximum share of area lost between samples of a result that represents the surface. */
 #define THIN_WALLS_MOST_LOST 0.02
@@ -38,8 +40,14 @@ size_t thin_walls_bytes(int64_t width, int64_t height);
 thin_walls_search *thin_walls_begin(int64_t width, int64_t height, error *e); /* error: limit_memory */
 
 /* Adds the next slice along the third axis: value - isovalue is -F. NaN, and values that are no_data or its float, are
- * outside and end the lines there. Error: limit_memory. */
-bool thin_walls_add(thin_walls_search *s, const double *values, double isovalue, double no_data, error *e);
+ * outside and end the lines there. */
+void thin_walls_add(thin_walls_search *s, const double *values, double isovalue, double no_data);
+
+/* The number of kinks that are stored. */
+static inline size_t thin_walls_kept(const thin_walls_found *f)
+{
+    return f->kinks < THIN_WALLS_KEPT ? (size_t)f->kinks : THIN_WALLS_KEPT;
+}
 
 /* Takes the result, which thin_walls_free releases. */
 thin_walls_found thin_walls_take(thin_walls_search *s);

@@ -442,7 +442,7 @@ static bool add_hidden_crossings(loading *l, volume *v, error *e)
         found.cell = NULL;
     }
     if (ok && l->kind != GRID_VIEW_LEVEL_SET && !l->smooth) {
-        v->info.ringing = ringing_share(&v->coefficients, &v->cells, &l->rings);
+        v->info.ringing = ringing_share(&v->coefficients, &v->cells, l->pool, &l->rings);
         l->rings |= v->info.ringing > 0;
         v->info.ringing = fmax(v->info.ringing, ringing_one_sided(&v->coefficients, &v->cells));
     }
@@ -560,12 +560,13 @@ static const double THIN_SHARE = 0.1;
 /* `walls`: of a dense volume, otherwise 0. */
 static void note_walls(const thin_walls_found *walls, volume *v)
 {
+    const size_t kept = thin_walls_kept(walls);
     size_t lost = 0;
     if (walls->crossed == 0) return;
-    for (size_t k = 0; k < walls->kink_count; k++) lost += is_wall_lost(v, &walls->kink[k]);
-    const double kinks = 2 * (double)walls->kink_count, all = (double)walls->crossed + kinks,
+    for (size_t k = 0; k < kept; k++) lost += is_wall_lost(v, &walls->kink[k]);
+    const double kinks = 2 * (double)walls->kinks, all = (double)walls->crossed + kinks,
                  thin = ((double)walls->thin + kinks) / all;
-    v->info.lost_share = 2 * (double)lost / all;
+    if (kept > 0) v->info.lost_share = (double)lost / (double)kept * kinks / all;
     if (thin > THIN_SHARE && v->info.lost_share <= THIN_WALLS_MOST_LOST)
         warn(
             &v->info,
