@@ -14,6 +14,7 @@ import argparse
 import json
 import math
 import pathlib
+import random
 import resource
 import subprocess
 import sys
@@ -165,6 +166,33 @@ def splinters(count):
     return [(0, 0, 0), (1, 0, 0)] + [(0.5, *p[:2]) for p in circle(count, 1e-3)], [(0, 1, 2 + k) for k in range(count)]
 
 
+def in_box(count, side, seed=1):
+    """Skewed quadrilaterals at random places of a unit box, with sides of about `side`; most of them cross others."""
+    rng = random.Random(seed)
+    parts = []
+    for _ in range(count):
+        place, along, across = ([rng.uniform(-0.5, 0.5) for _ in range(3)] for _ in range(3))
+        corners = [[p + side * (a * u + b * v + rng.uniform(-0.2, 0.2)) for p, u, v in zip(place, along, across)]
+                   for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        parts.append((corners, [(0, 1, 2, 3)]))
+    return joined(parts)
+
+
+def crumpled(cells, lift, seed=1):
+    """A sheet whose vertices are moved at random by up to `lift` cells: its quadrilaterals are skewed, and cross their neighbours."""
+    rng = random.Random(seed)
+    n = cells + 1
+    return ([(i / cells + rng.uniform(-lift, lift) / cells, j / cells + rng.uniform(-lift, lift) / cells, rng.uniform(-lift, lift) / cells)
+             for i in range(n) for j in range(n)],
+            [(i * n + j, i * n + n + j, i * n + n + j + 1, i * n + j + 1) for i in range(cells) for j in range(cells)])
+
+
+def tangled(vertices, faces, seed=1):
+    """Quadrilaterals between random vertices in a box."""
+    rng = random.Random(seed)
+    return ([tuple(rng.uniform(0, 1) for _ in range(3)) for _ in range(vertices)], [tuple(rng.sample(range(vertices), 4)) for _ in range(faces)])
+
+
 def meshes(size):
     """Names, descriptions and functions that return vertices and faces."""
     def n(faces, least=8):
@@ -197,6 +225,12 @@ def meshes(size):
         ("nested", "100 tetrahedra around one centre", lambda: nested(n(100))),
         ("collinear", "a triangle with 5 000 vertices on one side", lambda: ruled(n(5000))),
         ("splinters", "200 slivers on one long edge", lambda: splinters(n(200))),
+        ("crossing small", "48 000 skewed quadrilaterals in a box, sides of a tenth", lambda: in_box(n(48000), 0.1)),
+        ("crossing", "48 000 skewed quadrilaterals in a box, sides of a third", lambda: in_box(n(48000), 0.3)),
+        ("crossing large", "48 000 skewed quadrilaterals in a box, as long as the box", lambda: in_box(n(48000), 1)),
+        ("crumpled", "a sheet of 48 000 skewed quadrilaterals that cross their neighbours", lambda: crumpled(round(math.sqrt(n(48000))), 1)),
+        ("crumpled more", "the same with vertices moved by up to 5 cells", lambda: crumpled(round(math.sqrt(n(48000))), 5)),
+        ("tangled", "48 000 quadrilaterals between 12 000 random vertices", lambda: tangled(n(48000) // 4, n(48000))),
     )
 
 

@@ -7,9 +7,9 @@
 
 #include "base/core/memory.h"
 #include "geometry/mesh/rounding.h"
-#include "geometry/space/cell_list.h"
+#include "geometry/space/box_tree.h"
 
-/* Factor on the radius of searches, so that rounding excludes no vertex. */
+/* Factor on the distances of searches, so that rounding excludes no vertex. */
 static const double SEARCH_MARGIN = 1.0001;
 
 static const char what[] = "the open edges of the mesh";
@@ -144,9 +144,8 @@ typedef struct search {
     error *e;
 } search;
 
-static void cut_at_end(void *context, uint32_t k)
+static void cut_at_end(search *f, uint32_t k)
 {
-    search *f = context;
     cutting *c = f->c;
     const uint32_t triangle = c->edges[f->edge].triangle, *t = c->m->triangle[triangle],
                    v = c->ends[k].vertex;
@@ -161,15 +160,29 @@ static void cut_at_end(void *context, uint32_t k)
     c->taken[triangle] = true;
 }
 
-static bool cut_edge(cutting *c, const cell_list *ends, uint32_t n, error *e)
+/* A cube around an end that contains all places at which an edge may have it as a vertex. */
+static bbox box_of_end(const void *context, uint32_t k)
+{
+    const cutting *c = context;
+    const uint32_t v = c->ends[k].vertex;
+    const vec3 x = c->m->vertex[v];
+    return bbox_grow((bbox){x, x}, SEARCH_MARGIN * fmin(c->tolerance, c->local[v]));
+}
+
+/* Tests the ends whose cubes the edge meets. */
+static bool cut_edge(cutting *c, const box_tree *ends, uint32_t n, error *e)
 {
     const seam_edge *s = &c->edges[n];
     const vec3 a = c->m->vertex[s->from];
     const double within = fmin(c->tolerance, fmax(c->local[s->from], c->local[s->to]));
     search f = {c, n, a, vec3_sub(c->m->vertex[s->to], a), within, true, e};
-    if (c->taken[s->triangle]) return true;
-    cell_list_within(ends, vec3_axpy(0.5, f.way, a), SEARCH_MARGIN * (vec3_norm(f.way) / 2 + within),
-                     cut_at_end, &f);
+    const double length = vec3_norm(f.way);
+    if (c->taken[s->triangle] || !(length > 0)) return true;
+    const box_tree_ray ray = box_tree_ray_make(ends, a, vec3_scale(f.way, 1 / length));
+    box_tree_walk w;
+    box_tree_begin_ray(ends, &w, &ray, length);
+    while (box_tree_next_on_ray(ends, &w, &ray, length))
+        for (size_t k = w.first; k < w.end; k++) cut_at_end(&f, ends->order[k]);
     return f.ok;
 }
 
@@ -177,10 +190,10 @@ static bool cut_edges(cutting *c, error *e)
 {
     vec3 *place = mem_array(c->end_count, sizeof *place, what, e);
     for (size_t k = 0; place && k < c->end_count; k++) place[k] = c->m->vertex[c->ends[k].vertex];
-    cell_list *ends = place ? cell_list_new(place, c->end_count, NULL, e) : NULL;
-    bool ok = ends != NULL;
-    for (uint32_t n = 0; ok && n < c->count; n++) ok = cut_edge(c, ends, n, e);
-    cell_list_free(ends);
+    box_tree ends = {0};
+    bool ok = place && box_tree_make(c->end_count, place, box_of_end, c, NULL, what, &ends, e);
+    for (uint32_t n = 0; ok && n < c->count; n++) ok = cut_edge(c, &ends, n, e);
+    box_tree_free(&ends);
     free(place);
     return ok;
 }

@@ -22,8 +22,16 @@ static const double COINCIDENT_DISTANCE = 1e-3;
 /* A segment of a sampled curve, from one sample to the next. */
 typedef struct segment {
     uint32_t from, to, curve, at; /* at: index of the segment along its curve */
+    uint32_t component;           /* its least patch */
     double low, high;             /* range along the longest axis */
 } segment;
+
+/* The segments of a connected component of patches. Those of others are never merged with them: one tree for all would
+ * find all segments of a soup of overlapping faces for each of them. */
+typedef struct component {
+    size_t first; /* in `segments` */
+    box_tree tree;
+} component;
 
 /* A copy that a remaining sample has. */
 typedef struct new_copy {
@@ -38,13 +46,13 @@ static const double LOOSE_END_DISTANCE = 0.65;
 typedef struct merging {
     const near_curves_input *in;
     curve_samples *samples;
-    segment *segments; /* ascending along the axis */
+    segment *segments; /* ascending by component, and along the axis */
     size_t segment_count;
     /* per sample of a curve: the segment that starts and the segment that ends there, or NONE */
     uint32_t (*segments_of)[2];
-    box_tree tree;        /* of the segments */
+    component *component; /* per patch; without segments if it is not the least one of its component */
     bbox *box;            /* per segment */
-    uint32_t *at;         /* per segment: its place in the order of the tree */
+    uint32_t *at;         /* per segment: its place in the order of its tree */
     uint32_t *found;      /* the segments that the last search found */
     size_t *first_copy;   /* per sample and one more: its first copy */
     uint32_t *target;     /* per sample: the sample it is merged into; itself if it remains */
@@ -58,16 +66,24 @@ typedef struct merging {
 
 /* ---- segments ---- */
 
+/* The component of a sample. */
+static uint32_t component_of(const merging *m, uint32_t place)
+{
+    return m->joined[m->samples->patch[m->first_copy[place]]];
+}
+
 static void add_segment(merging *m, uint32_t from, uint32_t to, uint32_t curve, uint32_t at)
 {
     const double a = vec3_get(m->samples->position[from], m->axis),
                  b = vec3_get(m->samples->position[to], m->axis);
-    m->segments[m->segment_count++] = (segment){from, to, curve, at, fmin(a, b), fmax(a, b)};
+    m->segments[m->segment_count++] =
+        (segment){from, to, curve, at, component_of(m, from), fmin(a, b), fmax(a, b)};
 }
 
 static int by_position(const void *left, const void *right)
 {
     const segment *a = left, *b = right;
+    if (a->component != b->component) return a->component < b->component ? -1 : 1;
     if (a->low != b->low) return a->low < b->low ? -1 : 1;
     if (a->curve != b->curve) return a->curve < b->curve ? -1 : 1;
     return (a->at > b->at) - (a->at < b->at);
@@ -98,22 +114,23 @@ static void extend_segment(merging *m, uint32_t which, uint32_t end)
     const vec3 x = m->samples->position[m->target[end]];
     if (which == NONE || bbox_contains(m->box[which], x)) return;
     m->box[which] = bbox_include(m->box[which], x);
-    box_tree_extend(&m->tree, m->at[which], x);
+    box_tree_extend(&m->component[m->segments[which].component].tree, m->at[which], x);
 }
 
 static bbox box_of_segment(const void *context, uint32_t which)
 {
-    const merging *m = context;
-    return m->box[which];
+    const bbox *box = context;
+    return box[which];
 }
 
-static bool build_tree(merging *m, error *e)
+static bool build_trees(merging *m, error *e)
 {
     vec3 *centre = mem_array(m->segment_count, sizeof *centre, what, e);
+    m->component = mem_array(m->in->patch_count, sizeof *m->component, what, e);
     m->box = mem_array(m->segment_count, sizeof *m->box, what, e);
     m->at = mem_array(m->segment_count, sizeof *m->at, what, e);
     m->found = mem_array(m->segment_count, sizeof *m->found, what, e);
-    bool ok = centre && m->box && m->at && m->found;
+    bool ok = centre && m->component && m->box && m->at && m->found;
     for (size_t k = 0; k < m->samples->count; k++) m->segments_of[k][0] = m->segments_of[k][1] = NONE;
     for (uint32_t k = 0; ok && k < m->segment_count; k++) {
         const segment *s = &m->segments[k];
@@ -122,8 +139,14 @@ static bool build_tree(merging *m, error *e)
         centre[k] = vec3_scale(vec3_add(from, to), 0.5);
         m->segments_of[s->from][0] = m->segments_of[s->to][1] = k;
     }
-    ok = ok && box_tree_make(m->segment_count, centre, box_of_segment, m, NULL, what, &m->tree, e);
-    for (uint32_t k = 0; ok && k < m->segment_count; k++) m->at[m->tree.order[k]] = k;
+    for (size_t first = 0, end = 0; ok && first < m->segment_count; first = end) {
+        component *c = &m->component[m->segments[first].component];
+        while (end < m->segment_count && m->segments[end].component == m->segments[first].component) end++;
+        c->first = first;
+        ok = box_tree_make(end - first, centre + first, box_of_segment, m->box + first, NULL, what, &c->tree,
+                           e);
+        for (uint32_t k = 0; ok && k < end - first; k++) m->at[first + c->tree.order[k]] = k;
+    }
     free(centre);
     return ok;
 }
@@ -134,17 +157,21 @@ static int compare_segments(const void *left, const void *right)
     return (*a > *b) - (*a < *b);
 }
 
-/* Segments whose boxes lie within `reach` of a sample, in the order of the tree. */
+/* Segments of its component whose boxes lie within `reach` of a sample, in the order of the tree. */
 static const uint32_t *find_segments(merging *m, uint32_t place, double reach, size_t *count)
 {
     const vec3 x = m->samples->position[place];
     const bbox where = bbox_grow((bbox){x, x}, reach * (1 + 1e-9));
+    const component *c = &m->component[component_of(m, place)];
     box_tree_walk w;
     *count = 0;
-    box_tree_begin(&m->tree, &w);
-    while (box_tree_next_meeting(&m->tree, &w, &where))
-        for (size_t k = w.first; k < w.end; k++)
-            if (bbox_meet(&m->box[m->tree.order[k]], &where)) m->found[(*count)++] = m->tree.order[k];
+    if (c->tree.count == 0) return m->found;
+    box_tree_begin(&c->tree, &w);
+    while (box_tree_next_meeting(&c->tree, &w, &where))
+        for (size_t k = w.first; k < w.end; k++) {
+            const size_t which = c->first + c->tree.order[k];
+            if (bbox_meet(&m->box[which], &where)) m->found[(*count)++] = (uint32_t)which;
+        }
     return m->found;
 }
 
@@ -464,11 +491,12 @@ bool near_curves_merge(const near_curves_input *in, curve_samples *samples, erro
         for (size_t k = 1; k <= samples->count; k++)
             if (m.first_copy[k] < m.first_copy[k - 1]) m.first_copy[k] = m.first_copy[k - 1];
         list_segments(&m);
-        ok = build_tree(&m, e) && merge_all(&m, e) && rebuild(&m, e);
+        ok = build_trees(&m, e) && merge_all(&m, e) && rebuild(&m, e);
     }
     free(m.segments);
     free(m.segments_of);
-    box_tree_free(&m.tree);
+    for (size_t k = 0; m.component && k < in->patch_count; k++) box_tree_free(&m.component[k].tree);
+    free(m.component);
     free(m.box);
     free(m.at);
     free(m.found);

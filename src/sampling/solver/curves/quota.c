@@ -92,6 +92,7 @@ static double cells_for(const quota_input *in, const curve_samples *samples, con
 /* A small patch: it has no curve sample and less than one free cell. */
 typedef struct small_patch {
     double cells;
+    double reach; /* a point within this distance of its position covers it */
     uint32_t patch;
 } small_patch;
 
@@ -113,7 +114,7 @@ static small_patch *list_small_patches(const quota_input *in, const curve_sample
     for (size_t k = 0; has_sample && k < samples->copies; k++) has_sample[samples->patch[k]] = true;
     for (uint32_t k = 0; list && has_sample && k < patches; k++) {
         const double own = free_cells(in, samples, k, cells);
-        if (!has_sample[k] && own > 0 && own < 1) list[(*count)++] = (small_patch){own, k};
+        if (!has_sample[k] && own > 0 && own < 1) list[(*count)++] = (small_patch){own, 0, k};
     }
     if (!has_sample) {
         free(list);
@@ -134,19 +135,43 @@ static vec3 position_on(const quota_input *in, uint32_t patch)
     return sum;
 }
 
-/* Search for a curve sample or a small patch with a point. */
-typedef struct near_search {
-    size_t first; /* the first small patch among the points that are searched */
+/* A small patch that gets a point, and the others. */
+typedef struct covering {
     const small_patch *list;
-    const unsigned char *rule;
-    bool has_point;
-} near_search;
+    const vec3 *position; /* per small patch */
+    vec3 point;
+    unsigned char *rule;
+} covering;
 
-static void visit_point(void *context, uint32_t point)
+/* A small patch without a point gets none if the new point covers it. */
+static void cover(void *context, uint32_t k)
 {
-    near_search *search = context;
-    search->has_point |=
-        point < search->first || search->rule[search->list[point - search->first].patch] == ONE_POINT;
+    const covering *c = context;
+    const small_patch *other = &c->list[k];
+    if (c->rule[other->patch] == PROPORTIONAL &&
+        vec3_norm2(vec3_sub(c->position[k], c->point)) <= other->reach * other->reach)
+        c->rule[other->patch] = NO_POINT;
+}
+
+/* Sets the rule of the small patches in their order until `most` have a point; returns the number of these. The work is
+ * bounded by it, however many of the patches lie within a spacing. */
+static size_t serve(covering *c, size_t found, const cell_list *samples, const cell_list *patches,
+                    size_t most)
+{
+    double longest = 0, distance;
+    size_t served = 0;
+    for (size_t k = 0; k < found; k++) longest = fmax(longest, c->list[k].reach);
+    for (size_t k = 0; k < found && served <= most; k++) {
+        const small_patch *own = &c->list[k];
+        if (c->rule[own->patch] == NO_POINT) continue;
+        c->point = c->position[k];
+        if (samples) cell_list_nearest(samples, c->point, own->reach, &distance);
+        c->rule[own->patch] = samples && distance <= own->reach ? NO_POINT : ONE_POINT;
+        if (c->rule[own->patch] == NO_POINT) continue;
+        served++;
+        cell_list_within(patches, c->point, longest, cover, c);
+    }
+    return served;
 }
 
 /* Sets `rule` of each patch. A small patch gets one point, unless a curve sample or a larger small patch is
@@ -156,32 +181,32 @@ static bool assign_small_patches(const quota_input *in, const curve_samples *sam
                                  double cells, size_t count, unsigned char *rule, size_t *served, error *e)
 {
     const boundary_request request = {spacing, in->sizing, in->even, 0};
+    const size_t most = (size_t)(MAX_SMALL_PATCHES * (double)count);
     size_t found;
     small_patch *list = list_small_patches(in, samples, cells, &found, e);
-    vec3 *point = mem_array(samples->count + found, sizeof *point, WHAT, e);
-    near_search search = {.first = samples->count, .list = list, .rule = rule};
-    cell_list *near = NULL;
+    vec3 *position = mem_array(found, sizeof *position, WHAT, e);
+    cell_list *of_samples = NULL, *of_patches = NULL;
     *served = 0;
     memset(rule, PROPORTIONAL, in->field->patches->count);
-    if (list && point && found > 0) {
-        for (size_t k = 0; k < samples->count; k++) point[k] = samples->position[k];
-        for (size_t k = 0; k < found; k++) point[samples->count + k] = position_on(in, list[k].patch);
-        near = cell_list_new(point, samples->count + found, NULL, e);
+    bool ok = list && position;
+    if (ok && found > 0) {
+        for (size_t k = 0; k < found; k++) {
+            position[k] = position_on(in, list[k].patch);
+            list[k].reach = COVERED_DISTANCE * boundary_spacing(&request, position[k]);
+        }
+        if (samples->count > 0) of_samples = cell_list_new(samples->position, samples->count, NULL, e);
+        of_patches = cell_list_new(position, found, NULL, e);
+        ok = of_patches && (samples->count == 0 || of_samples);
     }
-    const bool ok = list && point && (found == 0 || near);
-    for (size_t k = 0; ok && k < found; k++) {
-        const vec3 x = point[samples->count + k];
-        search.has_point = false;
-        cell_list_within(near, x, COVERED_DISTANCE * boundary_spacing(&request, x), visit_point, &search);
-        rule[list[k].patch] = search.has_point ? NO_POINT : ONE_POINT;
-        *served += !search.has_point;
-    }
-    if ((double)*served > MAX_SMALL_PATCHES * (double)count) {
+    if (ok && found > 0)
+        *served = serve(&(covering){list, position, {0, 0, 0}, rule}, found, of_samples, of_patches, most);
+    if (*served > most) {
         memset(rule, PROPORTIONAL, in->field->patches->count);
         *served = 0;
     }
-    cell_list_free(near);
-    free(point);
+    cell_list_free(of_samples);
+    cell_list_free(of_patches);
+    free(position);
     free(list);
     return ok;
 }
