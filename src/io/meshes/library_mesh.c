@@ -7,6 +7,7 @@
 
 #include <assimp/cfileio.h>
 #include <assimp/cimport.h>
+#include <assimp/config.h>
 #include <assimp/scene.h>
 
 #include "geometry/space/vec3.h"
@@ -283,7 +284,10 @@ bool library_mesh_read(file_format format, const char *data, size_t size, size_t
     if (!library_text_check(format, data, size, out)) return false;
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     library_scene_listen(out->textures != NULL);
-    const struct aiScene *scene = aiImportFileEx(b.name, 0, &io);
+    struct aiPropertyStore *how = aiCreatePropertyStore();
+    aiSetImportPropertyInteger(how, AI_CONFIG_IMPORT_NO_SKELETON_MESHES,
+                               1); /* in the place of a scene without meshes */
+    const struct aiScene *scene = aiImportFileExWithProperties(b.name, 0, &io, how);
     if (!scene || !scene->mRootNode) return refuse(&b, memory, aiGetErrorString(), out);
     /* the scene is not freed, which takes time: the process ends soon */
     return add_scene(scene, format, data, size, out);

@@ -155,6 +155,13 @@ static void *append(package *p, list *l, size_t size)
     return (char *)l->items + size * l->count++;
 }
 
+/* The number of a resource, as text. Blanks before numbers are not part of them. */
+static const char *id_attribute(const char **attributes, const char *name)
+{
+    const char *text = xml_attribute(attributes, name);
+    return text ? text + strspn(text, " \t\r\n") : NULL;
+}
+
 /* ---- names */
 
 /* The entry of a word, or the free entry for it. n->size > 0. */
@@ -290,7 +297,7 @@ static bool read_unit(const char *unit, plain_mesh *out, double *millimetres)
 /* Adds what an element names by `pid` and the attributes `index`. The other indices default to the first. */
 static bool add_property(package *p, list *to, const char **attributes, const char *const index[3])
 {
-    const char *id = xml_attribute(attributes, "pid");
+    const char *id = id_attribute(attributes, "pid");
     if (!p->out->keeps_values) return true;
     property *new = append(p, to, sizeof *new);
     if (!new) return false;
@@ -341,7 +348,7 @@ static bool read_wrap(package *p, const char **attributes, const char *name, uin
 /* Reads a texture2d: its image is a part of the package. */
 static bool add_texture(package *p, const char **attributes)
 {
-    const char *path = xml_attribute(attributes, "path"), *id = xml_attribute(attributes, "id");
+    const char *path = xml_attribute(attributes, "path"), *id = id_attribute(attributes, "id");
     mesh_material new = mesh_textures_white();
     char *data = NULL;
     size_t length = 0;
@@ -366,11 +373,11 @@ static bool add_texture(package *p, const char **attributes)
 static bool add_resource(package *p, resource_kind kind, const char **attributes)
 {
     static const char what[] = "it refers to a texture that is missing";
-    const char *id = xml_attribute(attributes, "id");
+    const char *id = id_attribute(attributes, "id");
     resource new = {kind, {p->rows.count, p->rows.count}, MESH_TEXTURES_NONE};
     if (find_name(&p->resource_names, p->part, id)) return damaged(p, "two resources have the same id");
     if (kind == OF_COORDINATES) {
-        const named *found = find_name(&p->texture_names, p->part, xml_attribute(attributes, "texid"));
+        const named *found = find_name(&p->texture_names, p->part, id_attribute(attributes, "texid"));
         if (!found) return damaged(p, what);
         if (p->out->textures &&
             !plain_textures_add_material(p->out, &((mesh_material *)p->textures.items)[found->number],
@@ -460,7 +467,7 @@ static bool add_object(package *p, const char **attributes)
     p->open = o;
     p->filled = NULL;
     if (!add_property(p, &p->defaults, attributes, index)) return false;
-    const char *id = xml_attribute(attributes, "id");
+    const char *id = id_attribute(attributes, "id");
     if (find_name(&p->object_names, p->part, id))
         return plain_mesh_refuse(p->out, ERROR_INPUT_DAMAGED,
                                  "two of its objects have the id \"%.40s\". Give each an id of its own.", id);
@@ -498,7 +505,7 @@ static char *copy_text(const char *text)
 
 static bool add_reference(package *p, list *to, const char **attributes)
 {
-    const char *path = xml_attribute(attributes, ":path"), *id = xml_attribute(attributes, "objectid");
+    const char *path = xml_attribute(attributes, ":path"), *id = id_attribute(attributes, "objectid");
     reference *r = append(p, to, sizeof *r);
     if (!r) return false;
     *r = (reference){.path = copy_text(path), .id = copy_text(id)};

@@ -163,6 +163,11 @@ bool plain_mesh_copy_vertex(plain_mesh *m, uint32_t vertex);
  * is out. */
 bool plain_mesh_set_values(plain_mesh *m, plain_values *v, size_t vertex, const double *value);
 
+/* Divides colours by the number that is full intensity, `full`. 0: 255 if one of them exceeds 1, otherwise 1. An opacity that is
+ * absent, which is NaN, is 1. `v` NULL: nothing is done. Refuses colours of which some are below 0, or above both 255 and
+ * `full`; `type`: of their numbers. */
+bool plain_mesh_scale_colors(plain_mesh *m, plain_values *v, double full, const char *type);
+
 /* Reads a decimal number, "nan" or "inf" at *at, and moves *at behind it. Blanks (spaces and tabs) may
  * precede it; a blank, an end of a line or the end of the text must follow it. Correctly rounded. False:
  * there is no such number. */

@@ -234,6 +234,27 @@ bool plain_mesh_set_values(plain_mesh *m, plain_values *v, size_t vertex, const 
     return true;
 }
 
+bool plain_mesh_scale_colors(plain_mesh *m, plain_values *v, double full, const char *type)
+{
+    double low = 0, high = 0;
+    for (size_t k = 0; v && k < 4 * v->count; k++) {
+        low = fmin(low, v->value[k]);
+        high = fmax(high, v->value[k]);
+    }
+    if (!(low >= 0 && high <= fmax(full, UINT8_MAX)))
+        return plain_mesh_refuse(
+            m, ERROR_INPUT_UNSUPPORTED,
+            "its colours are numbers of type \"%s\", some below 0 or above 255, whose range is not known. Save "
+            "them as whole numbers from 0 to 255.",
+            type);
+    if (full == 0) full = high > 1 ? UINT8_MAX : 1;
+    for (size_t k = 0; v && k < 4 * v->count; k++) {
+        double *c = &v->value[k];
+        *c = k % 4 == 3 && isnan(*c) && !isnan(c[-1]) ? 1 : *c / full;
+    }
+    return true;
+}
+
 static int compare_unusable(const void *key, const void *item)
 {
     const uint32_t vertex = *(const uint32_t *)key, other = ((const plain_mesh_unusable *)item)->vertex;

@@ -79,6 +79,7 @@ static bool read_vertex(const char *data, const char **at, obj_facts *facts, pla
         return false;
     facts->vertex[facts->vertices - 1] = (uint32_t)(out->vertices - 1);
     for (size_t k = count; has_word && k < 6; k++) number[k] = (double)NAN;
+    if (count == 6) number[6] = (double)NAN;
     return (count < 6 && !(has_word && count > 3)) ||
            plain_mesh_set_values(out, facts->values_of[OF_COLOR], out->vertices - 1, number + 3);
 }
@@ -349,5 +350,5 @@ bool plain_mesh_read_obj(const char *data, size_t size, plain_mesh *out)
     if (facts.empty > 0) plain_mesh_warn(out, "%zu faces have no corners: they are skipped", facts.empty);
     if (*facts.unknown)
         plain_mesh_warn(out, "lines that begin with %s are not known: they are left out", facts.unknown);
-    return true;
+    return plain_mesh_scale_colors(out, facts.values_of[OF_COLOR], 0, "text");
 }

@@ -18,7 +18,6 @@ typedef struct off {
     bool is_binary, has_w;
     size_t of_normal, of_color, of_uv; /* numbers of a vertex after its position; of_color: at most */
     plain_values *normals, *colors, *uvs;
-    double brightest; /* the largest number of a colour */
 } off;
 
 /* Text: skips blanks, line breaks and comments up to the next number. */
@@ -86,7 +85,6 @@ static bool read_values(off *o, plain_mesh *out)
     } else if (o->of_color && !plain_mesh_set_values(out, o->colors, n, color)) {
         return false;
     }
-    for (const double *c = color; o->of_color && c < uv; c++) o->brightest = fmax(o->brightest, *c);
     return (!o->of_normal || plain_mesh_set_values(out, o->normals, n, number)) &&
            (!o->of_uv || plain_mesh_set_values(out, o->uvs, n, uv));
 }
@@ -101,16 +99,6 @@ static bool read_vertex(off *o, plain_mesh *out)
     const size_t more = out->keeps_values ? 0 : o->of_normal + o->of_color + o->of_uv;
     return plain_mesh_add_vertex(out, at) && (!out->keeps_values || read_values(o, out)) &&
            end_row(o, more * sizeof(float));
-}
-
-/* Colours are from 0 to 1, or to 255 if one of them exceeds 1. Those of three numbers are opaque. */
-static void scale_colors(const off *o)
-{
-    const double full = o->brightest > 1 ? UINT8_MAX : 1;
-    for (size_t k = 0; o->colors && k < 4 * o->colors->count; k++) {
-        double *c = &o->colors->value[k];
-        *c = isnan(*c) && k % 4 == 3 ? 1 : *c / full;
-    }
 }
 
 static bool read_face(off *o, plain_mesh *out)
@@ -191,6 +179,5 @@ bool plain_mesh_read_off(const char *data, size_t size, plain_mesh *out)
         if (!read_face(&o, out)) return refuse(&o, data, "face", k, out);
     if (!o.is_binary) skip_to_number(&o);
     out->end = o.at;
-    scale_colors(&o);
-    return true;
+    return plain_mesh_scale_colors(out, o.colors, 0, "text");
 }

@@ -126,28 +126,12 @@ static void choose_arrays(const ply_element *element, ply_arrays *a, plain_mesh 
     }
 }
 
-/* Divides colours by the number that is full intensity. An opacity that is absent, which is NaN, is 1. Refuses colours
- * for which the number is not known. */
 static bool scale_colors(const ply_type *type, plain_values *v, plain_mesh *out)
 {
-    double low = 0, high = 0, full = UINT8_MAX;
-    for (size_t k = 0; k < 4 * v->count; k++) {
-        low = fmin(low, v->value[k]);
-        high = fmax(high, v->value[k]);
-    }
-    if (type->number == NUMBER_UINT16)
-        full = UINT16_MAX;
-    else if (!(low >= 0 && high <= UINT8_MAX))
-        return plain_mesh_refuse(
-            out, ERROR_INPUT_UNSUPPORTED,
-            "its colours are numbers of type \"%s\", some below 0 or above 255, whose range is not known. Save "
-            "them as uchar.",
-            type->name);
-    else if (!number_is_whole(type->number) && high <= 1)
-        full = 1;
-    for (size_t k = 0; k < 4 * v->count; k++)
-        v->value[k] = k % 4 == 3 && isnan(v->value[k]) ? 1 : v->value[k] / full;
-    return true;
+    const double full = type->number == NUMBER_UINT16   ? UINT16_MAX
+                        : number_is_whole(type->number) ? UINT8_MAX
+                                                        : 0;
+    return plain_mesh_scale_colors(out, v, full, type->name);
 }
 
 /* Reads the values of the vertices, from the first row of the element. */

@@ -195,7 +195,7 @@ static void begin_array(vtp *v, const char **attributes)
     }
     *a = (array){.begin = xml_tag_end(&v->document), .end = v->size};
     if (!type || !number_find(type, &a->type) || (v->section < POINTS && !number_is_whole(a->type)) ||
-        (v->section == POINTS && components && strcmp(components, "3") != 0)) {
+        (v->section == POINTS && components && strcmp(components + strspn(components, " "), "3") != 0)) {
         plain_mesh_refuse(
             v->out, ERROR_INPUT_UNSUPPORTED,
             "line %lu of the VTK file has an array of %.10s numbers of the type \"%.40s\": points have three "

@@ -360,9 +360,14 @@ bool tiff_describe(const char *text, tiff_description *out, dense_warnings *warn
     *out = (tiff_description){.in_unit = {1, 1, 1}};
     *fault = 0;
     bool ok = true;
+    if (strncmp(text, "\xEF\xBB\xBF", 3) == 0) text += 3;
+    size_t size = strlen(text);
+    char *in_utf8 = xml_in_utf8(text, &size);
+    if (in_utf8) text = in_utf8;
     if (strncmp(text, "ImageJ=", 7) == 0) ok = describe_imagej(text, out, fault);
     if ((strncmp(text, "<?xml", 5) == 0 || strncmp(text, "<OME", 4) == 0) && strstr(text, "<OME"))
         ok = describe_ome(text, out, warnings, fault);
     if (ok) use_other_axis_as_slices(out, warnings);
+    free(in_utf8);
     return ok;
 }
