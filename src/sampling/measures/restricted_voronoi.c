@@ -83,6 +83,7 @@ typedef struct build_job {
     double *farthest;    /* per worker and patch: maximum of the current task; behind them, the maximum of
                           * all its tasks */
     const double *known; /* per patch: a lower bound */
+    bool *has_points;    /* per piece */
 } build_job;
 
 /* Squared distance of a site from each corner. */
@@ -96,6 +97,7 @@ typedef struct descent {
     const sites *s;
     const planar_cell *known; /* see voronoi_wanted */
     const voronoi_wanted *wanted;
+    const bool *has_points;
     task *to;
     double *farthest; /* per patch */
     uint32_t *list;   /* stack of candidates */
@@ -695,7 +697,8 @@ static bool visit_candidates(descent *d, const part *t, size_t base, vec3 centro
         remove_far_candidates(d, base, centroid, reach);
     else {
         d->top = base;
-        ok = collect_within(d, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, t->of);
+        if (d->has_points[t->of->piece])
+            ok = collect_within(d, centroid, FARTHEST_SITE * d->s->largest_spacing + 2 * radius, t->of);
     }
     if (ok && d->top == base)
         measure_uncovered(d, t);
@@ -1013,6 +1016,7 @@ static void run_tasks(void *context, int worker, size_t begin, size_t end)
                      .s = job->s,
                      .known = job->wanted->known,
                      .wanted = job->wanted,
+                     .has_points = job->has_points,
                      .to = t,
                      .farthest = own};
         memcpy(own, job->known, patches * sizeof *own);
@@ -1149,9 +1153,11 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
     task *all = mem_array(4 * TASKS, sizeof *all, what, e);
     *out = (restricted_voronoi){0};
     out->farthest = mem_array(patches, sizeof *out->farthest, what, e);
-    bool ok = farthest && out->farthest && all && table_init(&table, 3 * cells, e);
+    bool *has_points = mem_array(f->piece_count, sizeof *has_points, what, e);
+    bool ok = farthest && out->farthest && all && has_points && table_init(&table, 3 * cells, e);
     const size_t tasks = ok && f->item_count > 0 ? divide(f, 0, most, all) : 0;
-    build_job job = {f, s, wanted, cells, all, farthest, out->farthest};
+    build_job job = {f, s, wanted, cells, all, farthest, out->farthest, has_points};
+    for (size_t i = 0; tasks > 0 && i < s->count; i++) has_points[sites_piece(s, (uint32_t)i)] = true;
     const size_t at_once = TASKS_OF_THREAD * workers;
     if (tasks > 0) probe(&job, workers, pool, out->farthest);
     for (size_t k = 0; k < tasks; k += at_once) {
@@ -1169,6 +1175,7 @@ bool restricted_voronoi_build(const facets *f, const sites *s, const voronoi_wan
     out->side = table.entry;
     free(all);
     free(farthest);
+    free(has_points);
     return ok && threads_may_go_on(pool, e);
 }
 
