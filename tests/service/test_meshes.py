@@ -687,6 +687,17 @@ def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     assert any("Set voxel_size to at most 0.0024" in warning for warning in bounded["warnings"])
 
 
+def test_voxels_larger_than_the_spacing_round_edges_only_if_there_are_any(worker, tmp_path):
+    """A smooth surface has none; the warning is about details."""
+    vertices, faces = icosphere(3)
+    (tmp_path / "ball.obj").write_text("".join("v %r %r %r\n" % tuple(v) for v in numpy.asarray(vertices).tolist()) +
+                                       "".join("f %d %d %d\n" % tuple(k + 1 for k in f) for f in faces))
+    assert worker(mesh("ball.obj", 1500, resolution=16)).returncode in (0, 10, 11)
+    warnings = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["warnings"]
+    (warning,) = (w for w in warnings if "is less than a voxel" in w)
+    assert "details smaller than a voxel, such as sharp edges if the mesh has any, are rounded" in warning and "Set voxel_size to at most" in warning
+
+
 def test_a_mesh_that_is_to_be_resolved_has_a_least_spacing(worker, tmp_path):
     """On its triangles there are no voxels: it is what a voxel would be, and features are told apart down to it."""
     turn = blade(tmp_path / "plate.obj", (1, 0.1, 0.05))
