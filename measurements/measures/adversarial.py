@@ -24,8 +24,12 @@ sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[1] / "common"),
 import results  # noqa: E402
 from readers import read_columns  # noqa: E402
 
-BOUNDS = {"hex_fraction": 0.002, "edge_cv": 0.002, "coverage": 0.002, "defect_share": 0.005, "edge_skipped_share": 0.002}
+# Absolute, and of energy_excess relative to the mean energy: of random points single pairs have most of it.
+BOUNDS = {"hex_fraction": 0.002, "edge_cv": 0.002, "coverage": 0.002, "defect_share": 0.005, "edge_skipped_share": 0.002, "area_cv": 0.005,
+          "energy_excess": 0.002}
 OPPOSITE, LEAST_SIDE, FOLD, ON = -0.4, 1e-6, 0.5, 1e-6
+# Cosine of normals up to which a pair of opposite walls has no energy; the energy of an ideal packing.
+NO_ENERGY, IDEAL_ENERGY = -0.6, 0.710825908
 # Faces whose normals have a smaller cosine meet in a crease.
 CREASE = 0.7
 
@@ -277,6 +281,24 @@ def angle_at(mesh, x, on, h):
     return total, border
 
 
+def potential(u):
+    """The cotangent potential of distances over the support."""
+    with np.errstate(divide="ignore"):
+        return np.where(u < 1, 1 / np.tan(np.pi * u / 2) + np.pi * u / 2 - np.pi / 2, 0)
+
+
+def energies(x, h, normal, piece, one_sided):
+    """The energy of each point over that of a point in an ideal packing, all pairs summed."""
+    total = np.zeros(len(x))
+    for i in range(len(x)):
+        cosine = np.einsum("ac,jbc->jab", normal[i], normal)
+        facing = (abs(cosine) if one_sided else cosine).max((1, 2)) > NO_ENERGY
+        mean = (h[i] + h) / 2
+        pair = (mean / h[i]) ** 2 * potential(np.linalg.norm(x - x[i], axis=1) / (math.sqrt(3) * mean))
+        total[i] = pair[facing & (piece == piece[i]) & (np.arange(len(x)) != i)].sum()
+    return total / IDEAL_ENERGY
+
+
 def measure(mesh, table, one_sided):
     x = np.stack([table[a] for a in "xyz"], 1).astype(float)
     h = np.asarray(table["spacing"], float)
@@ -294,7 +316,7 @@ def measure(mesh, table, one_sided):
             angle[i], border[i] = angle_at(mesh, x[i], on, h[i])
     most = max(len(n) for n in normals)
     normal = np.stack([np.r_[n, np.repeat(n[:1], most - len(n), 0)] for n in normals])
-    farthest, sides = 0, {}
+    farthest, sides, area = 0, {}, np.zeros(count)
     for t in range(len(mesh.faces)):
         corners = np.stack([mesh.a[t], mesh.b[t], mesh.c[t]])
         for i, polygon, _ in cells_of(x, corners, np.arange(count)):
@@ -305,6 +327,8 @@ def measure(mesh, table, one_sided):
         if len(candidates) == 0:
             continue
         for i, polygon, behind in cells_of(x, corners, candidates):
+            fan = np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0])
+            area[i] += np.linalg.norm(fan, axis=1).sum() / 2
             for k, j in enumerate(behind):
                 if j >= 0:
                     key = (min(i, j), max(i, j))
@@ -321,7 +345,9 @@ def measure(mesh, table, one_sided):
     bad = np.bincount(piece[~regular], minlength=mesh.pieces)
     has = np.bincount(piece, minlength=mesh.pieces) > 0
     kept = distance[~skipped]
+    own = area / (h ** 2 * angle / (2 * math.pi))
     return {"hex_fraction": regular.mean(), "edge_cv": kept.std() / kept.mean(), "coverage": farthest, "edge_skipped_share": skipped.mean(),
+            "area_cv": own.std() / own.mean(), "energy_excess": (energies(x, h, normal, piece, one_sided) / (ideal / 6)).mean() - 1,
             "defect_share": np.maximum(bad - 6 * abs(mesh.euler), 0)[has].sum() / count}
 
 
@@ -371,7 +397,8 @@ def main():
             print(f"{name}: {found}", flush=True)
             continue
         told = {k: report["quality"][k] for k in BOUNDS}
-        apart = [k for k, bound in BOUNDS.items() if told[k] is None or not abs(told[k] - found[k]) <= bound]
+        apart = [k for k, bound in BOUNDS.items()
+                 if told[k] is None or not abs(told[k] - found[k]) <= bound * (1 + found[k] if k == "energy_excess" else 1)]
         rows.append([name, count, *(f"{v:.4f}" if v is not None else "" for k in BOUNDS for v in (told[k], found[k])), " ".join(apart)])
         print(*rows[-1], flush=True)
     if options.output:
