@@ -30,7 +30,7 @@ import numpy
 
 import library_meshes
 from damaged_meshes import icosphere
-from readers import Points
+from readers import read_columns
 from volumes import NIFTI2_FIELDS, NIFTI_FIELDS, Part, change_nifti, write_exr, write_meta_image, write_nifti, write_nrrd, write_tiff
 from vtk_files import write_xml
 from zarr_files import multiscales, write_array_2, write_array_3, write_group_2, write_group_3
@@ -41,7 +41,7 @@ AREA = sum(4 * numpy.pi * r ** 2 for _, r in BALLS)
 AWAY, OF_AREA = 0.2, 0.04
 # of the surface of a file whose variation changes nothing: the smallest triangle has 1.3e-4 of the area; volumes are scanned by their cells
 SAME_AREA = {True: 1e-4, False: 2e-3}
-OF_JUMP = 0.01
+OF_JUMP, OF_KEYHOLE = 0.01, 0.005
 SIZE, STEP, ORIGIN = (26, 18, 28), numpy.array((1.0, 1.25, 0.8)), numpy.array((1.0, -0.5, 2.0))
 TIMEOUT_S = 300
 VERDICTS = ("right", "warned", "refused", "wrong", "crashed")
@@ -51,7 +51,8 @@ QUESTIONS = ("one_only", "twice", "contradicts", "to_its_end", "not_understood")
 
 # ---- the balls, as samples and as triangles
 
-LOCAL = threading.local()  # change: of the samples that this thread writes (with_samples)
+# Of the files that this thread writes: change, of the samples (with_samples); parts, in the place of the balls (with_parts).
+LOCAL = threading.local()
 
 
 def samples(origin=ORIGIN, linear=None):
@@ -71,6 +72,8 @@ def matrix(origin=ORIGIN):
 
 def triangles():
     """A list for each ball: vertices, and faces that count from 0."""
+    if getattr(LOCAL, "parts", None):
+        return LOCAL.parts
     v, f = icosphere(3)
     return [(v * r + c, numpy.array(f)) for c, r in BALLS]
 
@@ -618,6 +621,8 @@ def gltf(rng):
     parts, buffer = triangles(), b""
     views, accessors, meshes, nodes = [], [], [], []
     for k, (v, f) in enumerate(parts):
+        move = numpy.round(v.mean(axis=0)) * (numpy.abs(v).max() > 1e4)  # positions are floats, and translations are not
+        v = v - move
         for data, of in ((v.astype("<f4"), {"componentType": 5126, "type": "VEC3", "count": len(v), "min": v.astype("f4").min(axis=0).tolist(),
                                              "max": v.astype("f4").max(axis=0).tolist()}),
                          (f.astype("<u2"), {"componentType": 5123, "type": "SCALAR", "count": f.size})):
@@ -625,7 +630,7 @@ def gltf(rng):
             accessors.append({"bufferView": len(views) - 1, "byteOffset": 0, **of})
             buffer += data.tobytes() + bytes(-data.nbytes % 4)
         meshes.append({"primitives": [{"attributes": {"POSITION": 2 * k}, "indices": 2 * k + 1, "mode": 4}]})
-        nodes.append({"mesh": k, "translation": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0], "name": f"ball{k}"})
+        nodes.append({"mesh": k, "translation": move.tolist(), "scale": [1.0, 1.0, 1.0], "name": f"ball{k}"})
     document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}], "nodes": nodes, "meshes": meshes, "accessors": accessors,
                 "bufferViews": views, "buffers": [{"byteLength": len(buffer), "uri": "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()}]}
     text = json.dumps(document)
@@ -655,7 +660,7 @@ def gifti_text(values=None, encoding="ASCII"):
         return (f'<DataArray Intent="{intent}" DataType="{kind}" ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Dim0="{len(values)}" Dim1="{width}" '
                 f'Encoding="{encoding}" Endian="LittleEndian" ExternalFileName="" ExternalFileOffset="0">{name}{system}<Data>{data}</Data></DataArray>')
     v, f = joined()
-    more = array("NIFTI_INTENT_SHAPE", "NIFTI_TYPE_FLOAT32", values.astype("<f4"), 1, "quality") if values is not None else ""
+    more = array("NIFTI_INTENT_SHAPE", "NIFTI_TYPE_FLOAT32", values.astype("<f4"), values.size // len(values), "quality") if values is not None else ""
     return (f'<?xml version="1.0" encoding="UTF-8"?><GIFTI Version="1.0" NumberOfDataArrays="{3 if more else 2}">' +
             array("NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", v.astype("<f4"), 3) + array("NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32", f.astype("<i4"), 3) + more + "</GIFTI>")
 
@@ -841,6 +846,7 @@ def exr(rng):
     for number in (0, 13, SIZE[2] - 1):
         yield "dataWindow", f"is moved in file {number} only", lambda folder, number=number: write(folder, lambda v: ({"Y": v}, {"low": (3, 2)}), [number])
     yield "channels", "is whole in all files", lambda folder: write(folder, lambda v: ({"Y": (1000 * v + 50000).round().astype("u4")}, {}), spec={"isovalue": 50000})
+    yield "channel", "is not ASCII", lambda folder: write(folder, lambda v: ({NOT_ASCII: v}, {}), spec={"channel": NOT_ASCII})
     yield "channel", "of the spec is not there", lambda folder: write(folder, spec={"channel": "density"})
 
 
@@ -882,7 +888,7 @@ def vdb(rng):
              ("class", "is level set"): [(-values, level_set)], ("class", "is unknown"): [(values, {"class": openvdb.GridClass.UNKNOWN})],
              ("class", "is staggered"): [(values, {"class": openvdb.GridClass.STAGGERED})],
              ("class", "is level set, of a density"): [(values, {**level_set, "background": -2.0})],
-             ("name", "is empty"): [(values, {"name": ""})], ("name", "has blanks"): [(values, {"name": "a grid of 2,5"})],
+             ("name", "is not ASCII"): [(values, {"name": NOT_ASCII, "spec": {"grid": NOT_ASCII}})], ("name", "is empty"): [(values, {"name": ""})], ("name", "has blanks"): [(values, {"name": "a grid of 2,5"})],
              ("name", "twice"): [(values, {}), (small, {})], ("name", "twice, the second is meant"): [(small, {}), (values, {})],
              ("grids", "has another one"): [(values, {}), (small, {"name": "other"})], ("grids", "has another one first"): [(small, {"name": "other"}), (values, {})],
              ("grids", "named by the spec"): [(values, {"spec": {"grid": "density"}}), (small, {"name": "other"})],
@@ -932,16 +938,27 @@ JUMPS = {**{f"{value:g} beyond {away}": lambda v, away=away, value=value: numpy.
 SAMPLES = {JUMP: JUMPS, SATURATED: {"65535 within 2.5": lambda v: numpy.where(v > 2.5, 65535, v)},
            BEYOND: {"1e31 beyond 3": lambda v: numpy.where(v < -3, 1e31, v)}}
 VOLUMES = ("nrrd", "meta_image", "nifti-1 sform", "nifti-2 sform", "zarr 2", "zarr 3", "tiff pages", "tiff stack", "exr")
-MARKED = {"obj": "m.obj", "ply": "m.ply", "stl text": "m.stl", "off": "m.off", "vtk": "m.vtk", "vtp": "m.vtp", "gifti": "m.gii", "collada": "m.dae"}
-XML = {"vtp": "m.vtp", "gifti": "m.gii", "collada": "m.dae", "3mf": "3D/3dmodel.model"}
-ENCODINGS = {"utf-16": "UTF-16", "utf-16-be": "UTF-16", "iso-8859-1": "ISO-8859-1", "cp1252": "windows-1252"}
-MISNAMED = {"ply": "m.obj", "vtk": "m.ply", "vtp": "m.stl", "gifti": "m.off", "3mf": "m.obj"}
-PAINTED = {"painted ply": "map.ply", "painted vtk": "map.vtk", "painted vtp": "map.vtp", "painted gifti": "map.gii"}
-# The readers of the formats, for the table.
+# The readers of the formats, for the table, and the beginnings of the formats' names.
 READERS = {"NRRD": "nrrd", "MetaImage": "meta_image", "NIfTI": "nifti", "TIFF": ("tiff", "imagej", "ome"), "Zarr": "zarr", "OpenEXR": "exr", "OpenVDB": "vdb",
            "OBJ": "obj", "PLY": "ply", "STL": "stl", "OFF": "off", "VTK": ("vtk",), "VTK (XML)": "vtp", "GIfTI": "gifti", "glTF": "gltf", "3MF": "3mf",
            "COLLADA": "collada", "FBX": "fbx"}
+VOLUME_READERS = tuple(READERS)[:7]
+OF_XML = ("TIFF", "VTK (XML)", "GIfTI", "3MF", "COLLADA")
+OF_TEXT = ("NRRD", "MetaImage", "TIFF", "Zarr", "OBJ", "PLY", "STL", "OFF", "VTK", "VTK (XML)", "GIfTI", "glTF", "3MF", "COLLADA", "FBX")
+OF_POLYGONS = ("OBJ", "PLY", "OFF", "VTK", "VTK (XML)", "COLLADA", "FBX")
+COLORS, RIMS, TWICE_A_CORNER, LIBRARIES = "colours of vertices", "rims far from the origin", "a vertex that is twice a corner", "several libraries"
 MARK, ENCODING, ENDING, ZIP64, SKIPPED = "byte order mark", "encoding of XML", "ending of another format", "ZIP64", "only what is skipped"
+NAME, OLDER, BLANK, TRANSFORM = "a name that is not ASCII", "an older version", "blank before a number", "transform with another count of numbers"
+OLD_FACES, INDEX_0 = "faces of old files", "index 0"
+# Readers that can have a kind; in the others it cannot occur.
+CAN_HAVE = {
+    **{kind: VOLUME_READERS for kind in SAMPLES}, MARK: OF_TEXT, ENCODING: OF_XML, ENDING: tuple(READERS), ZIP64: ("3MF",),
+    NAME: tuple(r for r in READERS if r != "OFF"),
+    OLDER: ("NRRD", "NIfTI", "Zarr", "OpenEXR", "OpenVDB", "VTK", "VTK (XML)", "glTF", "COLLADA", "FBX"), BLANK: OF_TEXT,
+    TRANSFORM: ("NRRD", "MetaImage", "Zarr", "GIfTI", "glTF", "3MF", "COLLADA", "FBX"),
+    SKIPPED: ("OpenVDB", "OBJ", "PLY", "OFF", "VTK", "VTK (XML)", "GIfTI", "glTF", "3MF", "COLLADA", "FBX"), OLD_FACES: ("OBJ",), INDEX_0: ("OBJ",),
+    COLORS: tuple(r for r in READERS if r not in VOLUME_READERS), RIMS: tuple(r for r in READERS if r not in VOLUME_READERS),
+    TWICE_A_CORNER: OF_POLYGONS, LIBRARIES: ("OBJ",)}
 
 
 def base_of(name):
@@ -959,14 +976,51 @@ def with_samples(name, change):
     return write
 
 
-def rewritten(name, file, change, renamed=None):
-    """The file of a format with other bytes, or another name."""
+def with_parts(name, parts):
+    def write(folder):
+        LOCAL.parts = parts
+        try:
+            return base_of(name)(folder)
+        finally:
+            LOCAL.parts = None
+    return write
+
+
+# The files of a format whose bytes are text, or that are the whole input.
+FILES = {"nrrd": "v.nrrd", "nrrd by spacings": "v.nrrd", "nrrd in files": "v.nhdr", "meta_image": "v.mha", "meta_image in a file": "v.mhd",
+         "nifti-1 sform": "v.nii", "nifti-2 sform": "v.nii", "tiff pages": "v.tif", "imagej": "v.tif", "ome": "v.ome.tif", "zarr 2": "v.zarr/.zattrs",
+         "zarr 3": "v.zarr/zarr.json", "vdb": "v.vdb", "exr": "s.*.exr", "obj": "m.obj", "ply": "m.ply", "stl": "m.stl", "stl text": "m.stl", "off": "m.off",
+         "vtk": "m.vtk", "vtp": "m.vtp", "gifti": "m.gii", "gltf": "m.gltf", "3mf": "m.3mf", "collada": "m.dae", "fbx": "m.fbx"}
+
+
+def rewritten(name, change, also=None, zip64=False):
+    """The files of a format with other bytes; of 3MF the model, of TIFF the description. `also`: changes the surface."""
+    if name == "3mf":
+        change = in_archive(change, zip64)
+    elif name == "ome" or name == "imagej":
+        change = in_description(change)
+
     def write(folder):
         surface = base_of(name)(folder)
-        data = change((folder / file).read_bytes())
-        (folder / file).unlink()
-        (folder / (renamed or file)).write_bytes(data)
-        return mesh(renamed) if renamed else surface
+        before = {path: path.read_bytes() for path in folder.glob(FILES[name])}
+        after = {path: change(data) for path, data in before.items()}
+        assert before and before != after, (name, "nothing was changed")
+        for path, data in after.items():
+            path.write_bytes(data)
+        return also(surface, folder) if also else surface
+    return write
+
+
+def renamed(name, ending):
+    """The files of a format with the ending of another one."""
+    def write(folder):
+        surface = base_of(name)(folder)
+        (members,) = surface.values()
+        parts = members["path"].split(".")
+        for path in [folder / members["path"]] if "#" not in members["path"] else list(folder.glob(parts[0] + ".*")):
+            path.rename(path.with_name(".".join([*path.name.split(".")[:len(parts) - 1], ending])))
+        members["path"] = ".".join([*parts[:-1], ending])
+        return surface
     return write
 
 
@@ -974,10 +1028,26 @@ def named(name, file):
     """A painted file whose values have a name that is not ASCII."""
     def write(folder):
         surface = base_of(name)(folder)
-        (folder / file).write_bytes((folder / file).read_bytes().replace(b"quality", "gr\u00f6\u00dfe".encode()))
-        surface["grid"]["name"] = "gr\u00f6\u00dfe"
+        (folder / file).write_bytes((folder / file).read_bytes().replace(b"quality", NOT_ASCII.encode()))
+        surface["grid"]["name"] = NOT_ASCII
         return surface
     return write
+
+
+def in_description(change):
+    """Changes the first image description of a TIFF: its text moves to the end of the file."""
+    def of(raw):
+        (at,) = struct.unpack_from("<I", raw, 4)
+        for k in range(*struct.unpack_from("<H", raw, at)):
+            entry = at + 2 + 12 * k
+            tag, kind, count, where = struct.unpack_from("<HHII", raw, entry)
+            if tag == 270:
+                text = change(raw[where:where + count - 1]) + b"\0"
+                data = bytearray(raw + bytes(len(raw) % 2) + text)
+                struct.pack_into("<II", data, entry + 4, len(text), len(data) - len(text))
+                return bytes(data)
+        raise ValueError("no description")
+    return of
 
 
 def in_encoding(data, codec, declared_as):
@@ -1001,16 +1071,300 @@ def zip_of(parts, zip64):
     return local + central + b"PK\5\6" + struct.pack("<HHHHIIH", 0, 0, len(parts), len(parts), len(central), len(local), 0)
 
 
-def in_archive(change=lambda model: model, zip64=False):
+MODEL = "3D/3dmodel.model"
+
+
+def in_archive(change, zip64=False):
     """Changes the model of a 3MF package."""
     import zipfile
 
     def of(raw):
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             parts = {name: archive.read(name) for name in archive.namelist()}
-        parts[XML["3mf"]] = change(parts[XML["3mf"]])
+        model = parts[MODEL]
+        parts[MODEL] = change(model)
+        assert zip64 or parts[MODEL] != model, "nothing was changed"
         return zip_of(parts, zip64)
     return of
+
+
+def put(old, new, count=-1):
+    """Replaces bytes; texts are UTF-8."""
+    old, new = (k.encode() if isinstance(k, str) else k for k in (old, new))
+    return lambda data: data.replace(old, new, count)
+
+
+def sub(pattern, new, count=0):
+    return lambda data: re.sub(pattern.encode(), new.encode(), data, count=count)
+
+
+NOT_ASCII = "gr\u00f6\u00dfe"
+ENCODINGS = {"utf-16": "UTF-16", "utf-16-be": "UTF-16", "iso-8859-1": "ISO-8859-1", "cp1252": "windows-1252"}
+BOM = b"\xef\xbb\xbf"
+MARKED = ("nrrd", "meta_image", "ome", "zarr 2", "zarr 3", "obj", "ply", "stl text", "off", "vtk", "vtp", "gifti", "gltf", "3mf", "collada", "fbx")
+MISNAMED = {"nrrd": ("mha", "nii"), "meta_image": ("nrrd", "tif"), "nifti-1 sform": ("nrrd", "mha"), "nifti-2 sform": ("nrrd",), "tiff pages": ("nrrd", "exr"),
+            "zarr 2": ("nrrd",), "zarr 3": ("tif",), "exr": ("png", "tif"), "vdb": ("nrrd", "obj"), "obj": ("ply", "stl"), "ply": ("obj", "stl"), "stl": ("obj", "ply"),
+            "stl text": ("obj", "off"), "off": ("obj", "ply"), "vtk": ("ply", "obj"), "vtp": ("stl", "vtk"), "gifti": ("off", "vtp"), "gltf": ("glb", "obj"),
+            "3mf": ("obj", "stl"), "collada": ("obj", "fbx"), "fbx": ("obj", "dae")}
+PAINTED = {"painted ply": "map.ply", "painted vtk": "map.vtk", "painted vtp": "map.vtp", "painted gifti": "map.gii"}
+# The format's name and changes of its bytes.
+NAMES = {"obj": {"of an object": put("o ball1", f"o {NOT_ASCII}"), "of a material": put("usemtl grey", f"usemtl {NOT_ASCII}")},
+         "stl text": {"of a solid": put("solid ball1", f"solid {NOT_ASCII}")}, "gltf": {"of a node": put('"ball1"', f'"{NOT_ASCII}"')},
+         "3mf": {"of an object": put('<object id="1"', f'<object id="1" name="{NOT_ASCII}"')}, "collada": {"of a node": put('<node id="n1"', f'<node id="n1" name="{NOT_ASCII}"'),
+                                                                                                 "an id": put("part1", NOT_ASCII)},
+         "fbx": {"of a model": put("Model::part1", f"Model::{NOT_ASCII}")}, "imagej": {"of an entry": put("loop=", f"{NOT_ASCII}=1\nloop=")},
+         "ome": {"of the image": put('ID="Image:0"', f'ID="Image:0" Name="{NOT_ASCII}"')},
+         "nifti-1 sform": {"description": lambda data: data[:148] + NOT_ASCII.encode().ljust(80, b"\0") + data[228:]},
+         "nrrd in files": {"of data": put("s %02d.raw", f"{NOT_ASCII} %02d.raw")}, "meta_image in a file": {"of data": put("v 50%.raw", f"{NOT_ASCII}.raw")}}
+OLDER_FILES = {"nrrd by spacings": {"NRRD0001": sub("^NRRD000.", "NRRD0001")}, "nifti-1 sform": {"Analyze 7.5": lambda data: data[:344] + bytes(4) + data[348:]},
+               "zarr 2": {"1": None}, "exr": {"1": lambda data: data[:4] + b"\1" + data[5:]}, "vdb": {"file version 200": lambda data: data[:8] + struct.pack("<I", 200) + data[12:]},
+               "vtk": {version: sub("Version 3.0", f"Version {version}") for version in ("1.0", "2.0")}, "vtp": {"0.1": put('version="1.0" byte', 'version="0.1" byte')},
+               "gltf": {"1.0": put('"version": "2.0"', '"version": "1.0"')}, "collada": {"1.3.1": put('version="1.4.1"', 'version="1.3.1"')},
+               "fbx": {"6100": put("FBXVersion: 7300", "FBXVersion: 6100")}}
+BLANKS = {"nrrd": sub(r"(?m)^((?:sizes|space directions|space origin):)", r"\1  ") , "meta_image": sub("((?:DimSize|Offset|ElementSpacing) =)", r"\1 "),
+          "imagej": sub("(images|spacing)=", r"\1= "), "ome": sub('(Size[XYZ]|PlaneCount)="', r'\1=" '), "zarr 2": sub(r"([\[ ])(\d)", r"\1  \2"), "zarr 3": sub(r"([\[ ])(\d)", r"\1  \2"),
+          "obj": sub(r"(?m)^v ", "v   "), "ply": sub(r"(?m)^([-\d])", r"  \1"), "stl text": sub("vertex ", "vertex   "), "off": sub(r"(?m)^([-\d])", r" \1"),
+          "vtk": sub(r"(?m)^([-\d])", r" \1"), "vtp": sub('(NumberOf[A-Z][a-z]+)="', r'\1=" '), "gifti": sub('(Dim[01]|Dimensionality|NumberOfDataArrays)="', r'\1=" '),
+          "gltf": sub(r": (\d)", r":   \1"), "3mf": sub(r' (x|y|z|v1|v2|v3|objectid|transform)="', r' \1=" '), "collada": sub(' (count|stride|offset|meter)="', r' \1=" '),
+          "fbx": sub(r"(,|a: |Count: |FBXVersion: )(\d)", r"\1 \2")}
+TRANSFORMS = {"nrrd": {"two directions": sub(r" \([^()]*\)\n", "\n", 1), "two components": sub(r",[^,()]*\)", ")", 1)},
+              "meta_image": {"8 numbers": sub(r"(TransformMatrix = .*) \S+\n", "\\1\n"), "10 numbers": sub("(TransformMatrix = .*)\n", "\\1 0\n")},
+              "zarr 2": {"2 scales": sub(r'("scale": \[)[^,]*, ', r"\1")}, "zarr 3": {"4 scales": sub(r'("scale": \[)', r"\1 1, ")},
+              "gifti": {"15 numbers": put("<MatrixData>1 ", "<MatrixData>"), "17 numbers": put("<MatrixData>1 ", "<MatrixData>1 0 ")},
+              "gltf": {"matrix of 15": put('"translation": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0]', '"matrix": [' + ", ".join(["1", *4 * "0"] * 3) + "]"),
+                       "translation of 2": put("[0.0, 0.0, 0.0]", "[0.0, 0.0]"), "scale of 4": put("[1.0, 1.0, 1.0]", "[1.0, 1.0, 1.0, 1.0]")},
+              "3mf": {"16 numbers": put('1 0 0 0"', '1 0 0 0 0 0 0 1"'), "rubbish behind": put('1 0 0 0"', '1 0 0 0 rubbish"'), "11 numbers": put('1 0 0 0"', '1 0 0"')},
+              "collada": {"matrix of 15": sub("<translate>.*?</scale>", "<matrix>" + " ".join(["1", *4 * "0"] * 3) + "</matrix>"), "translate of 2": put("<translate>0.0 ", "<translate>"),
+                          "scale of 4": put("<scale>", "<scale>1 ")},
+              "fbx": {"translation of 2": sub('("Lcl Translation", "", "A",[^,]*,[^,\n]*),[^,\n]*\n', "\\1\n"), "scaling of 4": sub('("Lcl Scaling", "", "A".*)\n', "\\1,1.0\n")}}
+HIDDEN = '"extensions": {"KHR_node_visibility": {"visible": false}}, "scale"'
+ALL_SKIPPED = {"gltf": {"hidden nodes": put('"scale"', HIDDEN), "no scene's nodes": put('"nodes": [0, 1]', '"nodes": []')}, "obj": {"unknown words": put("\nf ", "\nface ")},
+               "3mf": {"objects that are not built": sub("<build>.*</build>", "<build/>")}, "ply": {"another element": put("element face", "element strip")},
+               "off": {"faces of two corners": sub(r"(?m)^3 (\d+ \d+) \d+$", r"2 \1")}, "vtk": {"lines": put("POLYGONS", "LINES")},
+               "vtp": {"lines": lambda data: data.replace(b"Polys", b"Lines")}, "gifti": {"another intent": put("NIFTI_INTENT_TRIANGLE", "NIFTI_INTENT_SHAPE")},
+               "collada": {"no scene's nodes": sub("<node .*</node>", "")}, "fbx": {"no connections": sub("(?s)Connections: {.*}", "Connections: {\n}")},
+               "vdb": {"another type": put("Tree_float_5_4_3", "Tree_int32_5_4_3")}}
+
+
+def by_table(kind, table):
+    for name, ways in table.items():
+        for way, change in ways.items():
+            if change:
+                yield name, kind, way, rewritten(name, change)
+
+
+# ---- colours, far rims and keyholes, whose truths are their own
+
+def colors_of(positions):
+    """Linear in the place, so that triangles have the colours of their places."""
+    return (positions - (4, 6, 6)) / (19, 12, 14)
+
+
+def linear_light(color):
+    return numpy.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+
+
+def with_colors(file, write, name="color", column="c"):
+    """`write(path, vertices, triangles, colours)`; `column`: of EXPECTED."""
+    def run(folder):
+        v, f = joined()
+        write(folder / file, v, f, colors_of(v))
+        return {**mesh(file), "attributes": [{"name": name, "as": column, "type": "color"}]}
+    return run
+
+
+def rows(values, form):
+    return "".join(form % tuple(row) for row in numpy.asarray(values).tolist())
+
+
+def color_files():
+    """(format, way, write)"""
+    def ply_of(kind, scale):
+        def write(path, v, f, c):
+            c = c * scale if kind in ("float", "double") else numpy.rint(c * scale).astype(int)
+            path.write_text(f"ply\nformat ascii 1.0\nelement vertex {len(v)}\n" + "".join(f"property double {a}\n" for a in "xyz") +
+                            "".join(f"property {kind} {a}\n" for a in ("red", "green", "blue")) +
+                            f"element face {len(f)}\nproperty list uchar int vertex_indices\nend_header\n" +
+                            "".join("%r %r %r " % tuple(p) + "%r %r %r\n" % tuple(q) for p, q in zip(v.tolist(), c.tolist())) + rows(f, "3 %d %d %d\n"))
+        return with_colors("m.ply", write)
+    for kind, scale in (("uchar", 255), ("ushort", 65535), ("float", 1), ("int", 255), ("double", 255), ("int", 1000)):
+        yield "ply", f"{kind} to {scale}", ply_of(kind, scale)
+    for scale in (1, 255):
+        yield "obj", f"to {scale}", with_colors("m.obj", lambda path, v, f, c, scale=scale: path.write_text(
+            rows(numpy.c_[v, c * scale], "v %r %r %r %r %r %r\n") + rows(f + 1, "f %d %d %d\n")))
+        form = "%r %r %r " + ("%r %r %r 1.0\n" if scale == 1 else "%d %d %d 255\n")
+        yield "off", f"to {scale}", with_colors("m.off", lambda path, v, f, c, scale=scale, form=form: path.write_text(
+            f"COFF\n{len(v)} {len(f)} 0\n" + rows(numpy.c_[v, c * scale], form) + rows(f, "3 %d %d %d\n")))
+    yield "vtk", "COLOR_SCALARS", with_colors("m.vtk", lambda path, v, f, c: path.write_text(
+        vtk_text(f"POINT_DATA {len(v)}\nCOLOR_SCALARS rgb 3\n" + rows(c, "%r %r %r\n"))), "rgb")
+    for kind, scale in (("f4", 1), ("u1", 255)):
+        yield "vtp", f"{kind} to {scale}", with_colors("m.vtp", lambda path, v, f, c, kind=kind, scale=scale: write_xml(
+            path, [(v, {"Polys": f.tolist()})], values=[{"rgb": (c * scale).round(8 if scale == 1 else 0).astype(kind)}]), "rgb", "c" if scale == 1 else "raw")
+    yield "gifti", "float", with_colors("m.gii", lambda path, v, f, c: path.write_text(gifti_text(c)), "quality")
+    for kind, number, scale in (("<f4", 5126, 1), ("u1", 5121, 255), ("<u2", 5123, 65535)):
+        yield "gltf", f"{kind} to {scale}", with_colors("m.gltf", lambda path, v, f, c, kind=kind, number=number, scale=scale: write_gltf(
+            path, v, f, numpy.c_[linear_light(c), numpy.ones(len(c))], kind, number, scale))
+    yield "3mf", "group of colours", with_colors("m.3mf", write_3mf_colors, "base_color")
+    for name, file, text in (("collada", "m.dae", library_meshes.collada_text), ("fbx", "m.fbx", library_meshes.fbx_text)):
+        yield name, "floats", with_colors(file, lambda path, v, f, c, text=text: path.write_text(
+            text([library_meshes.Part(v, f, color=numpy.c_[c, numpy.ones(len(c))])])))
+    yield "stl", "attribute bytes", with_colors("m.stl", lambda path, v, f, c: path.write_bytes(
+        b"COLOR=\x33\x66\xcc\xff".ljust(80) + struct.pack("<I", len(f)) + b"".join(struct.pack("<12fH", 0, 0, 0, *v[t].ravel(), 0x8000) for t in f)), column="one")
+
+
+def write_gltf(path, v, f, c, kind, number, scale):
+    stored = c.astype(kind) if scale == 1 else numpy.rint(c * scale).astype(kind)
+    data = [v.astype("<f4").tobytes(), f.astype("<u2").tobytes(), stored.tobytes()]
+    data = [d + bytes(-len(d) % 4) for d in data]
+    starts = numpy.cumsum([0] + [len(d) for d in data]).tolist()
+    accessors = [{"componentType": 5126, "type": "VEC3", "count": len(v), "min": v.astype("f4").min(axis=0).tolist(), "max": v.astype("f4").max(axis=0).tolist()},
+                 {"componentType": 5123, "type": "SCALAR", "count": f.size}, {"componentType": number, "type": "VEC4", "count": len(v), "normalized": scale > 1}]
+    path.write_text(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 2}, "indices": 1}]}],
+        "accessors": [{"bufferView": k, **of} for k, of in enumerate(accessors)],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": len(d)} for at, d in zip(starts, data)],
+        "buffers": [{"byteLength": starts[-1], "uri": "data:application/octet-stream;base64," + base64.b64encode(b"".join(data)).decode()}]}))
+
+
+def write_3mf_colors(path, v, f, c):
+    group = "".join("<m:color color=\"#%02X%02X%02X\"/>" % tuple(k) for k in numpy.rint(255 * c).astype(int).tolist())
+    text = ('<?xml version="1.0" encoding="UTF-8"?><model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" '
+            f'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"><resources><m:colorgroup id="7">{group}</m:colorgroup>'
+            '<object id="1" type="model" pid="7" pindex="0"><mesh><vertices>' + rows(v, '<vertex x="%r" y="%r" z="%r"/>') + "</vertices><triangles>" +
+            "".join('<triangle v1="{0}" v2="{1}" v3="{2}" pid="7" p1="{0}" p2="{1}" p3="{2}"/>'.format(*t) for t in f.tolist()) +
+            '</triangles></mesh></object></resources><build><item objectid="1"/></build></model>')
+    base_of("3mf")(path.parent)
+    path.write_bytes(in_archive(lambda _: text.encode())(path.read_bytes()))
+
+
+# Of columns: what their colours are. Values that a file has by their own name keep their numbers; in STL there is the colour of the header.
+EXPECTED = {"c": lambda x: colors_of(x), "raw": lambda x: 255 * colors_of(x), "one": lambda x: numpy.full((len(x), 3), (0.2, 0.4, 0.8))}
+
+
+def has_colors(report, columns, area, painted_as):
+    (column,) = (c for c in EXPECTED if c + "_r" in columns)
+    expected, found = EXPECTED[column](positions_of(columns)), numpy.stack([columns[f"{column}_{k}"] for k in "rgb"], axis=1)
+    return is_unchanged(report, columns, area, None) and abs(found - expected).max() < 0.02 * max(1, expected.max())
+
+
+SIDES, RADIUS, HEIGHT, FAR = 32, 0.3, 3, 5.8e6
+
+
+def tubes():
+    """Open tubes at the origin and far from it: their rims are vertices of one triangle each, and shorter than a float there."""
+    angles = 2 * numpy.pi * numpy.arange(SIDES) / SIDES
+    rim = numpy.c_[RADIUS * numpy.cos(angles), RADIUS * numpy.sin(angles), 0 * angles]
+    k = numpy.arange(SIDES)
+    after = (k + 1) % SIDES
+    faces = numpy.r_[numpy.c_[k, after, SIDES + after], numpy.c_[k, SIDES + after, SIDES + k]]
+    return [(numpy.r_[rim, rim + (0, 0, HEIGHT)] + (at, 0, 0), faces) for at in (0, FAR)]
+
+
+def is_tubes(report, columns, area, painted_as):
+    x = positions_of(columns)
+    away = abs(numpy.min([numpy.hypot(x[:, 0] - at, x[:, 1]) for at in (0, FAR)], axis=0) - RADIUS)
+    whole = 2 * HEIGHT * SIDES * 2 * RADIUS * numpy.sin(numpy.pi / SIDES)
+    return away.max() < RADIUS * (1 - numpy.cos(numpy.pi / SIDES)) + 1e-3 and abs(report["surface"]["area"] / whole - 1) < 1e-5
+
+
+def loop_around(faces):
+    """The border of triangles, in their direction."""
+    sides = {(int(f[k]), int(f[(k + 1) % 3])) for f in faces for k in range(3)}
+    after = {a: b for a, b in sides if (b, a) not in sides}
+    loop = [next(iter(sorted(after)))]
+    while after[loop[-1]] != loop[0]:
+        loop.append(after[loop[-1]])
+    return loop
+
+
+def keyhole():
+    """The balls, with a polygon around six triangles: the way between both borders is there twice."""
+    v, f = joined()
+    inner = f[(f == 100).any(axis=1)]
+    both = f[numpy.isin(f, inner).any(axis=1)]
+    outer, hole = loop_around(both), loop_around(inner)[::-1]
+    start = next(k for k, a in enumerate(outer) if any({a, hole[0]} <= set(t) for t in both.tolist()))
+    outer = outer[start:] + outer[:start]
+    kept = [t for t in f.tolist() if t not in both.tolist()] + inner.tolist()
+    return v, [*kept, [*outer, outer[0], *hole, hole[0]]]
+
+
+def has_keyhole(report, columns, area, painted_as):
+    return is_right(report, positions_of(columns)) and abs(report["surface"]["area"] / area - 1) < OF_KEYHOLE
+
+
+def keyhole_files():
+    def words(faces, count=True):
+        return "".join(" ".join(map(str, ([len(f)] if count else []) + list(f))) + "\n" for f in faces)
+
+    def collada_of(v, f):
+        text = library_meshes.collada_text([library_meshes.Part(v, [[0, 1, 2]])])
+        return re.sub('<triangles count="1">(.*)<p>.*</p></triangles>', rf'<polylist count="{len(f)}">\1<vcount>{" ".join(str(len(p)) for p in f)}</vcount>'
+                      rf"<p>{' '.join(str(k) for p in f for k in p)}</p></polylist>", text)
+
+    def fbx_of(v, f):
+        text = library_meshes.fbx_text([library_meshes.Part(v, [[0, 1, 2]])])
+        numbers = [str(n) for p in f for n in (*p[:-1], -p[-1] - 1)]
+        return text.replace("PolygonVertexIndex: *3 {\na: 0,1,-3\n", f"PolygonVertexIndex: *{len(numbers)} {{\na: {','.join(numbers)}\n")
+    texts = {"obj": ("m.obj", lambda v, f: rows(v, "v %r %r %r\n") + "".join("f " + " ".join(str(k + 1) for k in p) + "\n" for p in f)),
+             "ply": ("m.ply", lambda v, f: f"ply\nformat ascii 1.0\nelement vertex {len(v)}\nproperty double x\nproperty double y\nproperty double z\n"
+                     f"element face {len(f)}\nproperty list uchar int vertex_indices\nend_header\n" + rows(v, "%r %r %r\n") + words(f)),
+             "off": ("m.off", lambda v, f: f"OFF\n{len(v)} {len(f)} 0\n" + rows(v, "%r %r %r\n") + words(f)),
+             "vtk": ("m.vtk", lambda v, f: f"# vtk DataFile Version 3.0\nballs\nASCII\nDATASET POLYDATA\nPOINTS {len(v)} double\n" + rows(v, "%r %r %r\n") +
+                     f"POLYGONS {len(f)} {sum(len(p) + 1 for p in f)}\n" + words(f)),
+             "collada": ("m.dae", collada_of), "fbx": ("m.fbx", fbx_of)}
+    for name, (file, text) in texts.items():
+        yield name, lambda folder, file=file, text=text: ((folder / file).write_text(text(*keyhole())), mesh(file))[1]
+
+    def vtp_of(folder):
+        v, f = keyhole()
+        write_xml(folder / "m.vtp", [(v, {"Polys": f})])
+        return mesh("m.vtp")
+    yield "vtp", vtp_of
+
+
+def libraries(folder):
+    surface = rewritten("obj", put("mtllib balls.mtl", "mtllib a.mtl b.mtl"))(folder)
+    for name, material in (("a.mtl", "other"), ("b.mtl", "grey")):
+        (folder / name).write_text(f"newmtl {material}\nKd 0.25 0.5 0.75\n")
+    return {**surface, "attributes": [{"name": "base_color", "as": "c"}]}
+
+
+def has_color_of_library(report, columns, area, painted_as):
+    return is_unchanged(report, columns, area, None) and all(abs(columns["c_" + k] - value).max() < 0.01 for k, value in zip("rgb", (0.25, 0.5, 0.75)))
+
+
+def zarr_named(version):
+    """An array whose name is not ASCII."""
+    def write(folder):
+        surface = rewritten(f"zarr {version}", put('"path": "0"', f'"path": "{NOT_ASCII}"'))(folder)
+        (folder / "v.zarr/0").rename(folder / "v.zarr" / NOT_ASCII)
+        return surface
+    return write
+
+
+def data_named(name):
+    """Data in files whose names are not ASCII."""
+    (change,) = NAMES[name].values()
+
+    def also(surface, folder):
+        for path in list(folder.glob("*.raw")):
+            path.rename(path.with_name(path.name.replace("v 50%", NOT_ASCII).replace("s ", f"{NOT_ASCII} ")))
+        return surface
+    return rewritten(name, change, also)
+
+
+def zarr_of_version_1(folder):
+    base_of("zarr 2")(folder)
+    for path in ("v.zarr/.zgroup", "v.zarr/0/.zarray"):
+        (folder / path).write_text((folder / path).read_text().replace('"zarr_format": 2', '"zarr_format": 1'))
+    return volume("v.zarr")
+
+
+def grid_named(field, kind):
+    """Of OpenVDB and OpenEXR: a grid or channel whose name is not ASCII."""
+    return next(write for found, way, write in FORMATS[kind](random.Random(1)) if (found, way) == (field, "is not ASCII"))
 
 
 def kinds():
@@ -1019,32 +1373,39 @@ def kinds():
         for way, change in ways.items():
             for name in VOLUMES:
                 yield name, kind, way, with_samples(name, change)
-    for name, file in MARKED.items():
-        yield name, MARK, "UTF-8", rewritten(name, file, lambda data: b"\xef\xbb\xbf" + data)
-    for name, file in XML.items():
+    for name in MARKED:
+        yield name, MARK, "UTF-8", rewritten(name, lambda data: BOM + data)
+    for name in ("vtp", "gifti", "collada", "3mf", "ome"):
         for codec, declared_as in ENCODINGS.items():
-            change = lambda data, codec=codec, declared_as=declared_as: in_encoding(data, codec, declared_as)
-            yield name, ENCODING, codec, rewritten("3mf", "m.3mf", in_archive(change)) if name == "3mf" else rewritten(name, file, change)
-    yield "gltf", MARK, "UTF-8", rewritten("gltf", "m.gltf", lambda data: b"\xef\xbb\xbf" + data)
-    yield "3mf", MARK, "UTF-8", rewritten("3mf", "m.3mf", in_archive(lambda model: b"\xef\xbb\xbf" + model))
-    for name, renamed in MISNAMED.items():
-        yield name, ENDING, renamed, rewritten(name, MARKED.get(name, "m.3mf"), lambda data: data, renamed)
+            if name != "ome" or "utf" not in codec:  # a description ends at a byte 0
+                yield name, ENCODING, codec, rewritten(name, lambda data, codec=codec, declared_as=declared_as: in_encoding(data, codec, declared_as))
+    for name, endings in MISNAMED.items():
+        for ending in endings:
+            yield name, ENDING, ending, renamed(name, ending)
     for name, file in PAINTED.items():
-        yield name, "a name that is not ASCII", "of values", named(name, file)
-    yield "3mf", ZIP64, "sizes", rewritten("3mf", "m.3mf", in_archive(zip64=True))
-    for way, put in (("16 numbers", " 0 0 0 1"), ("rubbish behind", " rubbish")):
-        yield "3mf", "transform that is not 12 numbers", way, rewritten("3mf", "m.3mf", in_archive(
-            lambda model, put=put: model.replace(b'1 0 0 0"', b'1 0 0 0' + put.encode() + b'"')))
-    hidden = lambda data: data.replace(b'"scale"', b'"extensions": {"KHR_node_visibility": {"visible": false}}, "scale"')
-    yield "gltf", SKIPPED, "hidden nodes", rewritten("gltf", "m.gltf", hidden)
-    yield "gltf", "an older version", "1.0", rewritten("gltf", "m.gltf", lambda data: data.replace(b'"version": "2.0"', b'"version": "1.0"'))
-    yield "obj", SKIPPED, "unknown words", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf ", b"\nface "))
-    yield "3mf", SKIPPED, "objects that are not built", rewritten("3mf", "m.3mf", in_archive(
-        lambda model: re.sub(rb"<build>.*</build>", b"<build/>", model)))
-    yield "obj", "faces of old files", "fo", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf ", b"\nfo "))
-    yield "obj", "index 0", "counted from 0", rewritten("obj", "m.obj", lambda data: data.replace(b"\nf 1 ", b"\nf 0 "))
-    yield "collada", "blank before a number", "of attributes", rewritten(
-        "collada", "m.dae", lambda data: re.sub(rb' (count|stride|offset|meter)="', rb' \1=" ', data))
+        yield name, NAME, "of values", named(name, file)
+    for row in by_table(NAME, NAMES):
+        yield (*row[:3], data_named(row[0])) if row[2] == "of data" else row
+    for version in (2, 3):
+        yield f"zarr {version}", NAME, "of an array", zarr_named(version)
+    yield "vdb", NAME, "of a grid", grid_named("name", "vdb")
+    yield "exr", NAME, "of a channel", grid_named("channel", "exr")
+    yield from by_table(OLDER, OLDER_FILES)
+    yield "zarr 2", OLDER, "1", zarr_of_version_1
+    for name, change in BLANKS.items():
+        yield name, BLANK, "of all", rewritten(name, change)
+    yield from by_table(TRANSFORM, TRANSFORMS)
+    yield from by_table(SKIPPED, ALL_SKIPPED)
+    yield "3mf", ZIP64, "sizes", rewritten("3mf", lambda model: model, zip64=True)
+    yield "obj", OLD_FACES, "fo", rewritten("obj", put("\nf ", "\nfo "))
+    yield "obj", INDEX_0, "counted from 0", rewritten("obj", put("\nf 1 ", "\nf 0 "))
+    yield "obj", LIBRARIES, "two", libraries
+    for name, way, write in color_files():
+        yield name, COLORS, way, write
+    for name in ("obj", "ply", "stl text", "off", "vtk", "vtp", "gifti", "gltf", "3mf", "collada", "fbx"):
+        yield name, RIMS, "tubes", with_parts(name, tubes())
+    for name, write in keyhole_files():
+        yield name, TWICE_A_CORNER, "around a hole", write
 
 
 CANNOT = "cannot occur"
@@ -1053,13 +1414,14 @@ CANNOT = "cannot occur"
 # ---- running and judging
 
 def run(worker, write):
-    """(report or None, message, positions)"""
+    """(report or None, message, columns of points.ply)"""
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         surface = dict(write(folder))
         grid = {"grid": surface.pop("grid")} if "grid" in surface else {}
+        attributes = {"attributes": surface.pop("attributes")} if "attributes" in surface else {}
         spec = {"version": 1, "surface": surface, "sampling": {"count": 120, **grid}, "output": {"preview": False},
-                "solver": {"threads": 1, "max_sweeps": 1}}
+                "solver": {"threads": 1, "max_sweeps": 1}, **attributes}
         done = subprocess.run([worker, "run", "-", "--output", folder / "out"], input=json.dumps(spec), cwd=folder, capture_output=True,
                               text=True, timeout=TIMEOUT_S)
         if not (folder / "out/report.json").exists():
@@ -1067,33 +1429,44 @@ def run(worker, write):
         report = json.loads((folder / "out/report.json").read_text())
         if not (folder / "out/points.ply").exists():
             return None, report.get("message", ""), None
-        return report, "", Points((folder / "out/points.ply").read_bytes()).position
+        return report, "", read_columns((folder / "out/points.ply").read_bytes())
 
 
-def is_right(report, positions, area=None, painted_as=None):
-    """`area`: that of the file without a variation; a missing triangle changes it. `painted_as`: the points of the painted file without one."""
-    if painted_as is not None:
-        return numpy.array_equal(positions, painted_as)
+def positions_of(columns):
+    return numpy.stack([columns[a] for a in "xyz"], axis=1)
+
+
+def is_right(report, positions, area=None):
+    """`area`: that of the file without a variation; a missing triangle changes it."""
     away = numpy.min([numpy.abs(numpy.linalg.norm(positions - c, axis=1) - r) for c, r in BALLS], axis=0)
     return away.max() < AWAY and abs(report["surface"]["area"] / (area or AREA) - 1) < (SAME_AREA["mesh" in report["surface"]] if area else OF_AREA)
 
 
-def is_of_jump(way):
-    return any(way in ways for ways in SAMPLES.values())
+def is_unchanged(report, columns, area, painted_as):
+    """`painted_as`: the points of the painted file without a variation."""
+    if painted_as is not None:
+        return numpy.array_equal(positions_of(columns), painted_as)
+    return is_right(report, positions_of(columns), area)
 
 
-def judge(worker, write, usual, area=None, painted_as=None, way=""):
+def is_beside_jump(report, columns, area, painted_as):
+    return is_right(report, positions_of(columns)) and abs(report["surface"]["area"] / area - 1) < OF_JUMP
+
+
+# What is right of the kinds that change the surface or add values.
+RIGHT = {**{kind: is_beside_jump for kind in SAMPLES}, COLORS: has_colors, RIMS: is_tubes, TWICE_A_CORNER: has_keyhole, LIBRARIES: has_color_of_library}
+
+
+def judge(worker, write, usual, area=None, painted_as=None, kind=""):
     """`right`, `warned`, `refused`, or a fault: `wrong` points without a new warning, `crashed`."""
-    report, message, positions = run(worker, write)
+    report, message, columns = run(worker, write)
     if report is None:
         return ("refused" if '"code"' in message or "input" in message else "crashed"), message
-    if is_of_jump(way) and abs(report["surface"]["area"] / area - 1) < OF_JUMP and is_right(report, positions):
-        return "right", ""
-    if not is_of_jump(way) and is_right(report, positions, area, painted_as):
+    if RIGHT.get(kind, is_unchanged)(report, columns, area, painted_as):
         return "right", ""
     if any(r["criterion"] == "ringing" for r in report["outcome_reasons"]):
         return "warned", "ringing"
-    if is_of_jump(way):
+    if kind in SAMPLES:
         return "wrong", f"area {report['surface']['area']:.5g}"
     new = [w for w in report["surface"]["warnings"] if w not in usual and "walls thinner" not in w]  # which says nothing of the file
     return ("warned", new[0]) if new else ("wrong", f"area {report['surface']['area']:.5g}")
@@ -1114,8 +1487,7 @@ def chosen(seed, count, names=None, of_kinds=False):
     """`count` of the variations, spread over formats and fields; the base of each format is always there. `of_kinds`: those of kinds()."""
     all_of_them = list(variations(seed, names))
     if of_kinds:
-        wanted = {kind for _, kind, _, _ in kinds()}
-        all_of_them = [v for v in all_of_them if not v[1] or v[1] in wanted]
+        all_of_them = [v for v in all_of_them if not v[1] or v[1] in CAN_HAVE]
         count = 0
     bases = [v for v in all_of_them if not v[1]]
     groups = collections.defaultdict(list)
@@ -1139,12 +1511,12 @@ def judged(worker, seed, count, names=None, report=print, of_kinds=False):
     bases, picked = chosen(seed, count, names, of_kinds)
     usual, area, exact, found = {}, {}, {}, []
     for name, _, _, write in bases:
-        base, message, positions = run(worker, write)
-        assert base is not None and is_right(base, positions), (name, message, base and base["surface"])
+        base, message, columns = run(worker, write)
+        assert base is not None and is_right(base, positions_of(columns)), (name, message, base and base["surface"])
         usual[name], area[name] = base["surface"]["warnings"], base["surface"]["area"]
-        exact[name] = positions if name.startswith("painted") else None
+        exact[name] = positions_of(columns) if name.startswith("painted") else None
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]], exact[v[0]], v[2]), picked)
+        verdicts = pool.map(lambda v: judge(worker, v[3], usual[v[0]], area[v[0]], exact[v[0]], v[1]), picked)
         for (name, field, way, _), (verdict, why) in zip(picked, verdicts):
             found.append((name, field, way, verdict))
             if verdict in FAULTS:
@@ -1210,18 +1582,18 @@ def write_by_field(path, found):
 
 
 def write_by_kind(path, found):
-    """What became of each kind in each format that can have it."""
-    table = collections.defaultdict(lambda: collections.defaultdict(set))
-    of_kinds = {kind for _, kind, _, _ in kinds()}
+    """What became of each kind in each reader that can have it."""
+    table = collections.defaultdict(set)
     for name, field, _, verdict in found:
-        for reader, begin in READERS.items() if field in of_kinds else ():
+        for reader, begin in READERS.items() if field in CAN_HAVE else ():
             if name.removeprefix("painted ").startswith(begin):
-                table[field][reader].add(verdict)
+                table[field, reader].add(verdict)
+    assert set(table) == {(kind, reader) for kind, readers in CAN_HAVE.items() for reader in readers}, "a kind was not measured, or cannot occur"
     with open(path, "w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(("kind", *READERS))
-        for kind, by_name in sorted(table.items()):
-            out.writerow((kind, *(" or ".join(v for v in VERDICTS if v in by_name[n]) or CANNOT for n in READERS)))
+        for kind in sorted(CAN_HAVE):
+            out.writerow((kind, *(" or ".join(v for v in VERDICTS if v in table[kind, n]) or CANNOT for n in READERS)))
 
 
 def main():

@@ -104,20 +104,21 @@ def test_kinds_of_inputs_are_read_or_refused(build):
         groups.setdefault((name, kind), []).append((way, write))
     for (name, kind), found in rng.sample(sorted(groups.items()), 12):
         way, write = rng.choice(found)
-        base, _, positions = field_variations.run(build / "hexad-worker", field_variations.base_of(name))
-        exact = positions if name.startswith("painted") else None
-        verdict, why = field_variations.judge(build / "hexad-worker", write, base["surface"]["warnings"], base["surface"]["area"], exact, way)
+        base, _, columns = field_variations.run(build / "hexad-worker", field_variations.base_of(name))
+        exact = field_variations.positions_of(columns) if name.startswith("painted") else None
+        verdict, why = field_variations.judge(build / "hexad-worker", write, base["surface"]["warnings"], base["surface"]["area"], exact, kind)
         assert verdict not in field_variations.FAULTS, (name, kind, way, why)
 
 
-@pytest.mark.parametrize("name, kind, says", (("gltf", "an older version", "glTF 1.0"), ("gltf", field_variations.SKIPPED, "not visible"),
-                                              ("obj", field_variations.SKIPPED, "face"), ("obj", "index 0", "from 1"),
-                                              ("3mf", field_variations.SKIPPED, "not in the build"), ("3mf", "transform that is not 12 numbers", "more than twelve")))
-def test_refusals_say_what_was_found(build, name, kind, says):
-    for found, of, _, write in field_variations.kinds():
-        if (found, of) == (name, kind):
-            report, message, _ = field_variations.run(build / "hexad-worker", write)
-            assert report is None and says in message
+@pytest.mark.parametrize("name, kind, way, says", (
+    ("gltf", field_variations.OLDER, "1.0", "glTF 1.0"), ("gltf", field_variations.SKIPPED, "hidden nodes", "not visible"),
+    ("obj", field_variations.SKIPPED, "unknown words", "face"), ("obj", field_variations.INDEX_0, "counted from 0", "from 1"),
+    ("3mf", field_variations.SKIPPED, "objects that are not built", "not in the build"), ("3mf", field_variations.TRANSFORM, "16 numbers", "more than twelve"),
+    ("3mf", field_variations.TRANSFORM, "rubbish behind", "more than twelve")))
+def test_refusals_say_what_was_found(build, name, kind, way, says):
+    (write,) = (w for *of, w in field_variations.kinds() if of == [name, kind, way])
+    report, message, _ = field_variations.run(build / "hexad-worker", write)
+    assert report is None and says in message
 
 
 def test_separate_buffers_of_draco_are_named(sample, tmp_path):
