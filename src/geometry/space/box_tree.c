@@ -30,12 +30,12 @@ typedef struct items {
 
 /* The nearest floats are at most half of the distance between neighbouring floats away: the next ones are beyond
  * x, also after rounding errors of x. */
-static float below(double x)
+static float float_below(double x)
 {
     return nextafterf((float)x, -INFINITY);
 }
 
-static float above(double x)
+static float float_above(double x)
 {
     return nextafterf((float)x, INFINITY);
 }
@@ -43,8 +43,8 @@ static float above(double x)
 static box_tree_bounds bounds_of(bbox box, vec3 middle)
 {
     const vec3 min = vec3_sub(box.min, middle), max = vec3_sub(box.max, middle);
-    return (box_tree_bounds){{below(min.x), below(min.y), below(min.z)},
-                             {above(max.x), above(max.y), above(max.z)}};
+    return (box_tree_bounds){{float_below(min.x), float_below(min.y), float_below(min.z)},
+                             {float_above(max.x), float_above(max.y), float_above(max.z)}};
 }
 
 /* Builds a node of the items order[first] .. order[first + count - 1]. Incomplete if the pool is stopped. */
@@ -100,8 +100,8 @@ void box_tree_extend(box_tree *t, size_t at, vec3 x)
         box_tree_bounds *box = &t->box[n.node];
         for (int axis = 0; axis < 3; axis++) {
             const double to = vec3_get(x, axis) - vec3_get(t->middle, axis);
-            box->min[axis] = fminf(box->min[axis], below(to));
-            box->max[axis] = fmaxf(box->max[axis], above(to));
+            box->min[axis] = fminf(box->min[axis], float_below(to));
+            box->max[axis] = fmaxf(box->max[axis], float_above(to));
         }
         if (n.count <= BOX_TREE_LEAF) return;
         box_tree_halves(&n, &left, &right);
