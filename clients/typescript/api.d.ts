@@ -1294,9 +1294,9 @@ export type Surface = {
    */
   mesh?: {
     /**
-     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
-     * for the attribute base_color only (materials and images, below the input roots).
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of the
+     * service's input roots, or have been sent with hexadctl upload. Other files that it names are read for
+     * the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**
@@ -2480,9 +2480,9 @@ export type AnsweredSurface = {
    */
   mesh?: {
     /**
-     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of
-     * the service's input roots, or have been sent with hexadctl upload. Other files that it names are read
-     * for the attribute base_color only (materials and images, below the input roots).
+     * The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of the
+     * service's input roots, or have been sent with hexadctl upload. Other files that it names are read for
+     * the attribute base_color only (materials and images, below the input roots).
      */
     path: string;
     /**

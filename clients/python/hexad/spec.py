@@ -116,9 +116,9 @@ class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
     distances if the spec has voxel_size, resolution or on_mesh false, in offsets and combinations, and if too
     much of its area is inside its solids.
 
-    path: The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one
-        of the service's input roots, or have been sent with hexadctl upload. Other files that it names are
-        read for the attribute base_color only (materials and images, below the input roots).
+    path: The file: PLY, OBJ, STL, OFF, glTF, 3MF, VTK, GIfTI, FBX or COLLADA. It must lie below one of the
+        service's input roots, or have been sent with hexadctl upload. Other files that it names are read for
+        the attribute base_color only (materials and images, below the input roots).
     voxel_size: A closed mesh is sampled through a level set of this voxel size, between 1/8191 and 1/8 of the
         longest side of the mesh's bounding box. Excludes resolution. (world)
     resolution: The number of voxels along the longest side of the bounding box of the mesh: a closed mesh is
