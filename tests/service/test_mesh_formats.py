@@ -172,6 +172,24 @@ def test_what_follows_a_mesh_in_its_file_is_told(worker, tmp_path, name, write):
         assert surface["area"] == pytest.approx(22, rel=0.02) and len(told) == (len(more) > 10), surface
 
 
+def write_obj(path):
+    path.write_text("# a box\n\no box\n" + "".join("v %g %g %g\n" % tuple(c) for c in CORNERS) +
+                    "".join("f %d %d %d\n" % tuple(k + 1 for k in f) for f in FACES))
+
+
+@pytest.mark.parametrize("name, write", [("stl", write_stl), ("stl", write_text_stl), ("off", write_off), ("ply", write_ply),
+                                         ("obj", write_obj)])
+def test_a_file_without_an_ending_is_read(worker, tmp_path, name, write):
+    """As an upload that was sent without one."""
+    path = tmp_path / "box"
+    write(path)
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(path)}}, "sampling": {"count": 150}, "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    surface = json.loads((tmp_path / "out/report.json").read_text())["surface"]
+    assert surface["area"] == pytest.approx(22, rel=0.02)
+    assert not any("ending" in warning for warning in surface["warnings"]), surface["warnings"]
+
+
 def test_a_mesh_stands_on_its_base(worker, tmp_path):
     """A pyramid stands along the axis of its base, whatever files of its kind mostly do, unless the spec says otherwise."""
     base = numpy.array([(0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0), (.5, .5, 2)])

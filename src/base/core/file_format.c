@@ -6,6 +6,8 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "base/core/number.h"
+
 /* ---- formats that a few bytes do not identify */
 
 /* The exchange format of STEP with a schema other than IFC. */
@@ -285,6 +287,55 @@ file_format file_format_of_bytes(const char *data, size_t size)
             return (file_format)k;
     }
     return FILE_FORMAT_UNKNOWN;
+}
+
+/* The first word that is not in a comment; *length: of it. */
+static const char *first_word(const char *data, size_t *length)
+{
+    static const char blanks[] = " \t\r\n";
+    if (strncmp(data, "\xef\xbb\xbf", 3) == 0) data += 3;
+    data += strspn(data, blanks);
+    while (*data == '#') {
+        data += strcspn(data, "\n");
+        data += strspn(data, blanks);
+    }
+    *length = strcspn(data, blanks);
+    return data;
+}
+
+/* OFF with prefixes for further numbers of vertices: COFF, STNOFF, 4OFF, nOFF, ... */
+static bool is_off_word(const char *word, size_t length)
+{
+    static const char suffix[] = "OFF";
+    const size_t prefix = length - strlen(suffix);
+    return length >= strlen(suffix) && strncmp(word + prefix, suffix, strlen(suffix)) == 0 &&
+           strspn(word, "STCN4n") == prefix;
+}
+
+static bool is_obj_word(const char *word, size_t length)
+{
+    static const char *const words[] = {"v", "vn", "vt", "o", "g", "s", "mtllib", "usemtl"};
+    for (size_t k = 0; k < sizeof words / sizeof *words; k++)
+        if (strlen(words[k]) == length && strncmp(word, words[k], length) == 0) return true;
+    return false;
+}
+
+/* A header of 80 bytes, the number of triangles, and 50 bytes for each. */
+static bool is_binary_stl(const char *data, size_t size)
+{
+    enum { HEADER = 84, TRIANGLE = 50 };
+    return size >= HEADER && (uint64_t)size == HEADER + TRIANGLE * number_bits(data + 80, 4, NUMBER_LITTLE_SWAPPED);
+}
+
+file_format file_format_of_words(const char *data, size_t size)
+{
+    size_t length;
+    const char *word = first_word(data, &length);
+    if (is_off_word(word, length)) return FILE_FORMAT_OFF;
+    if (is_binary_stl(data, size) || (strncmp(word, "solid", length) == 0 && length == 5 && strstr(word, "facet")))
+        return FILE_FORMAT_STL;
+    return is_obj_word(word, length) && (strncmp(word, "v ", 2) == 0 || strstr(word, "\nv ")) ? FILE_FORMAT_OBJ
+                                                                                             : FILE_FORMAT_UNKNOWN;
 }
 
 const char *file_format_as_mesh(const char *name, const char *data, size_t size)

@@ -130,6 +130,10 @@ enum { FILE_FORMAT_HEAD = 1024 };
  * ending, the one that lists it earlier in its row. */
 file_format file_format_of_name(const char *name);
 
+/* The format of a mesh whose file has neither a signature nor a known name: OFF, OBJ or STL by the first words and the size, or
+ * FILE_FORMAT_UNKNOWN. data[size] is 0. */
+file_format file_format_of_words(const char *data, size_t size);
+
 /* Whether files of the format may have this name, path or ending. */
 bool file_format_has_ending(file_format format, const char *name);
 

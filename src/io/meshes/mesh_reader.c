@@ -43,13 +43,16 @@ static bool load(reading *r)
     return true;
 }
 
-/* Chooses the format: that of the bytes if they are those of a mesh that is read, otherwise that of the name. */
+/* Chooses the format: that of the bytes if they are those of a mesh that is read, otherwise that of the name, otherwise that of
+ * the first words. */
 static bool choose_format(reading *r)
 {
     const file_format found = file_format_of_bytes(r->data, r->size);
     const bool is_mesh =
         file_formats[found].kind == FILE_FORMAT_MESHES && file_formats[found].reading != FILE_FORMAT_NOT_READ;
     r->format = is_mesh ? found : file_format_of_name(r->ending);
+    if (r->format == FILE_FORMAT_UNKNOWN && found == FILE_FORMAT_UNKNOWN)
+        r->format = file_format_of_words(r->data, r->size);
     return true;
 }
 
@@ -106,7 +109,7 @@ static bool read_mesh(reading *r)
 /* Warns of an ending that names another format. */
 static bool warn_of_ending(reading *r)
 {
-    if (!file_format_has_ending(r->format, r->ending))
+    if (!file_format_has_ending(r->format, r->ending) && file_format_of_name(r->ending) != FILE_FORMAT_UNKNOWN)
         plain_mesh_warn(
             &r->mesh,
             "the file is read as %s, by its first bytes: the ending of its name is that of another format",
