@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /* header_reader: parses NRRD and NIfTI headers with Teem and libnifti, in the process that reads
- * (header.h). */
+ * (volume_header.h). */
 #include "io/volumes/volume_header.h"
 
 #include <math.h>

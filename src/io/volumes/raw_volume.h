@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /* raw_volume: reads the values of an NRRD or NIfTI volume from their files, slice by slice.
  *
- * The header is read by header.h. Data are unpacked and converted here, a buffer at a time, so that a volume
+ * The header is read by volume_header.h. Data are unpacked and converted here, a buffer at a time, so that a volume
  * of any size takes no more memory than a slice. Sizes in the header are compared with the files before
  * anything is read.
  */

@@ -17,8 +17,7 @@ typedef struct delivery {
     void *context; /* argument of the functions */
     /* Removes an earlier result. Called before the job opens its inputs. */
     bool (*begin)(void *context, error *e);
-    /* Takes the points, and appends {name, bytes, sha256} of each file to `outputs`. A job with a time as
-     * target may call it several times: each call replaces the points. Errors: storage_full, storage_failed,
+    /* Takes the points, and appends {name, bytes, sha256} of each file to `outputs`. Errors: storage_full, storage_failed,
      * internal, limit_memory, cancelled. */
     bool (*points)(void *context, const struct results_input *in, threads *pool, json *outputs,
                    struct report_outputs *out, error *e);

@@ -472,8 +472,8 @@ static const char add_uploads[] = UPLOADS;
  * summary to other reports. */
 static const char find_linked_reports[] = "UPDATE service SET linked_reports = 1";
 
-/* Migration from builds before 1.0.0. The cache keys of some have no commit, so no result of them is reused.
- * Attempts that still run have keys of the earlier build. */
+/* The cache keys of some of these builds have no commit, so no result of them is reused. Attempts that still run have keys of
+ * the earlier build. */
 static const char forget_results[] = "DELETE FROM cache; UPDATE spec SET cache_key = NULL;";
 
 /* The migrations from the versions `first` to `last`, in this order. Version 0: an empty database. A stored

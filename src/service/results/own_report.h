@@ -3,7 +3,7 @@
  *
  * A report contains the spec, and with it data of the job's owner: name, labels, output.directory, webhook.
  * Jobs that share a result therefore share all its files except report.json; each job has a report.json with
- * its own spec. Versions before 1.1 made a hard link to the report of the other job; the first start of a
+ * its own spec. Early builds made a hard link to the report of the other job; the first start of a
  * later version replaces these links.
  */
 #ifndef HEXAD_SERVICE_RESULTS_OWN_REPORT_H
