@@ -324,7 +324,8 @@ static bool is_obj_word(const char *word, size_t length)
 static bool is_binary_stl(const char *data, size_t size)
 {
     enum { HEADER = 84, TRIANGLE = 50 };
-    return size >= HEADER && (uint64_t)size == HEADER + TRIANGLE * number_bits(data + 80, 4, NUMBER_LITTLE_SWAPPED);
+    return size >= HEADER &&
+           (uint64_t)size == HEADER + TRIANGLE * number_bits(data + 80, 4, NUMBER_LITTLE_SWAPPED);
 }
 
 file_format file_format_of_words(const char *data, size_t size)
@@ -332,10 +333,12 @@ file_format file_format_of_words(const char *data, size_t size)
     size_t length;
     const char *word = first_word(data, &length);
     if (is_off_word(word, length)) return FILE_FORMAT_OFF;
-    if (is_binary_stl(data, size) || (strncmp(word, "solid", length) == 0 && length == 5 && strstr(word, "facet")))
+    if (is_binary_stl(data, size) ||
+        (strncmp(word, "solid", length) == 0 && length == 5 && strstr(word, "facet")))
         return FILE_FORMAT_STL;
-    return is_obj_word(word, length) && (strncmp(word, "v ", 2) == 0 || strstr(word, "\nv ")) ? FILE_FORMAT_OBJ
-                                                                                             : FILE_FORMAT_UNKNOWN;
+    return is_obj_word(word, length) && (strncmp(word, "v ", 2) == 0 || strstr(word, "\nv "))
+               ? FILE_FORMAT_OBJ
+               : FILE_FORMAT_UNKNOWN;
 }
 
 const char *file_format_as_mesh(const char *name, const char *data, size_t size)

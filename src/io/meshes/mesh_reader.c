@@ -109,7 +109,8 @@ static bool read_mesh(reading *r)
 /* Warns of an ending that names another format. */
 static bool warn_of_ending(reading *r)
 {
-    if (!file_format_has_ending(r->format, r->ending) && file_format_of_name(r->ending) != FILE_FORMAT_UNKNOWN)
+    if (!file_format_has_ending(r->format, r->ending) &&
+        file_format_of_name(r->ending) != FILE_FORMAT_UNKNOWN)
         plain_mesh_warn(
             &r->mesh,
             "the file is read as %s, by its first bytes: the ending of its name is that of another format",
