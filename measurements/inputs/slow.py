@@ -230,7 +230,7 @@ def meshes(size):
         ("crossing large", "4 800 skewed quadrilaterals in a box, as long as the box", lambda: in_box(n(4800), 1)),
         ("crumpled", "a sheet of 48 000 skewed quadrilaterals that cross their neighbours", lambda: crumpled(round(math.sqrt(n(48000))), 1)),
         ("crumpled more", "the same with vertices moved by up to 5 cells", lambda: crumpled(round(math.sqrt(n(48000))), 5)),
-        ("tangled", "1 200 quadrilaterals between 300 random vertices", lambda: tangled(n(1200) // 4, n(1200))),
+        ("tangled", "1 200 quadrilaterals between 300 random vertices", lambda: tangled(max(n(1200) // 4, 8), n(1200))),
     )
 
 

@@ -222,7 +222,7 @@ def check_nothing_removed(before, after, asked):
 
 def cycle(daemon, book, seed, footage, figures):
     rng = random.Random(seed)
-    backup = restores.be_loaded(daemon, book, seed, rng, footage, daemon.base / "backup", figures)
+    backup = restores.be_loaded(daemon, book, None, seed, rng, footage, daemon.base / "backup", figures)
     kind = rng.choices(list(KINDS), [weight for _, weight in KINDS.values()])[0]
     if pages_of(daemon.state / "queue.db") < FEW_PAGES:  # all that there is stands in the log
         kind = "the log"

@@ -74,7 +74,7 @@ def test_a_member_that_is_not_explained_is_found(page):
 
 def test_every_property_and_file_is_explained(page, worker, tmp_path, build):
     everything = {"preview": {"turntable": 1, "size": 64}, "mesh": True, "mesh_usda": True, "points_vdb": True, "points_npz": True, "points_glb": True,
-                  "points_usda": True, "convergence": True}
+                  "points_usda": True, "convergence": True, "ply": {"properties": ["all"]}}
     run = worker(make_sequence(build, tmp_path, everything), "--frame", 1)
     assert run.returncode in (0, 10, 11), run.stderr
     header = (tmp_path / "out/points.ply").read_bytes().split(b"end_header")[0].decode()

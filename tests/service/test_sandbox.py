@@ -180,7 +180,7 @@ def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
 
 def test_a_file_longer_than_allowed_ends_the_job(new_service):
     service = new_service("--file_mb", "1").start()
-    job = service.submit(sphere(count=30000, solver={"max_sweeps": 1}, output={"preview": False}))
+    job = service.submit(sphere(count=30000, solver={"max_sweeps": 1}, output={"preview": False, "ply": {"properties": ["all"]}}))
     done = service.wait_state(job, "failed")
     assert done["error"]["code"] == "limit_file" and "File too large" in done["error"]["message"]
     assert done["attempt"] == 1  # again it would be as long

@@ -18,7 +18,7 @@ from service import last_words, sphere, wait_until
 # Room to store jobs, and one whose result does not fit into it.
 ROOM = 1200 << 10
 LARGE = sphere(6000, solver={"max_sweeps": 1}, limits={"max_attempts": 1},
-               output={"preview": False, "ply": {"format": "ascii", "precision": "double"}})
+               output={"preview": False, "ply": {"format": "ascii", "precision": "double", "properties": ["all"]}})
 
 
 def states(service):

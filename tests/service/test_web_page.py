@@ -1012,7 +1012,7 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):
     assert [(job["name"], job["input"]) for job in jobs] == [(None, None)]  # for the administrator
     browser.wait_text("points.ply", ".results")
     size = browser.run("return fetch(document.querySelector('.results a').href).then(r => r.arrayBuffer()).then(b => b.byteLength)")
-    assert size > 500 * 52
+    assert size > 500 * 28
     browser.press("Points in 3-D", "main")
     browser.wait_text("500 points", ".stats")
     assert browser.run(PICTURE, "Home")[0] != browser.run(PICTURE, "ArrowLeft")[0]
